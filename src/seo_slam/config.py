@@ -1,0 +1,218 @@
+"""All settings, one pydantic model a component, with the defaults in code.
+
+``Config.from_file("my.toml")`` reads TOML or YAML; ``Config.preset("seo_slam")`` gives a named set; ``config.with_settings(["a.b=3"])`` changes
+single ones. A misspelt key is an error that names the nearest known one.
+"""
+
+import difflib
+import json
+import tomllib
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any, Literal, Self
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from seo_slam.errors import ConfigError
+
+
+class Settings(BaseModel):
+    """Base of all settings: unknown keys are refused, values are fixed once read."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Component(Settings):
+    """A part that the registry makes: ``name`` is a registered name or "module:Class"; ``options`` go to its constructor."""
+
+    name: str
+    options: dict[str, Any] = Field(default_factory=dict)
+
+
+class KeyframeSettings(Settings):
+    """A frame becomes a keyframe when any of these is reached since the last one."""
+
+    distance_m: float = Field(0.1, gt=0, description="camera moved this far")
+    angle_deg: float = Field(5.0, gt=0, description="camera turned this much")
+    period_s: float = Field(0.5, gt=0, description="this much time went by")
+
+
+class LiftingSettings(Settings):
+    """From boxes or masks and depth to 3D measurements (SEO-SLAM III-A)."""
+
+    min_score: float = Field(0.0, ge=0, le=1, description="detections below it are ignored")
+    max_depth_m: float = Field(6.0, gt=0, description="farther depth is ignored")
+    min_points: int = Field(20, ge=3, description="object pixels with depth that a measurement needs")
+    max_points: int = Field(1500, ge=50, description="pixels looked at a box; a larger box is sampled on a grid")
+    depth_noise_at_1m_m: float = Field(0.0019, gt=0, description="axial depth noise is this times depth squared (Kinect v1)")
+    box_noise_share: float = Field(0.05, ge=0, description="standard deviation of a box's edge, as a share of its side")
+    min_sigma_m: float = Field(0.01, gt=0, description="floor of a measurement's standard deviation: calibration, pose, shape")
+    duplicate_iou: float = Field(0.7, gt=0, le=1, description="two boxes of one frame that overlap more are one thing")
+
+
+class AssociationSettings(Settings):
+    """The two-stage gate and the assignment (SEO-SLAM III-B)."""
+
+    gate_probability: float = Field(0.99, gt=0, lt=1, description="alpha of Eq 7, for 3 degrees of freedom")
+    search_distance_m: float = Field(6.0, gt=0, description="landmarks farther than this from the camera are not considered")
+    semantic_gate: Literal["likelihood", "cosine", "none"] = Field(
+        "likelihood", description="likelihood compares label distributions; cosine is the paper's Eq 8 with tau_s"
+    )
+    cosine_threshold: float = Field(0.6, ge=-1, le=1, description="tau_s of the cosine gate")
+    solver: str = Field("scipy", description="assignment solver: scipy or lap (JVC)")
+
+
+class SmootherSettings(Settings):
+    """The factor graph."""
+
+    first_pose_sigma_m: float = Field(1e-3, gt=0)
+    first_pose_sigma_deg: float = Field(0.05, gt=0)
+    huber_k: float = Field(1.345, gt=0, description="robust loss of the measurements, in standard deviations")
+
+
+class MapSettings(Settings):
+    """The life of a landmark."""
+
+    stable_observations: int = Field(3, ge=1, description="keyframes that a tentative landmark must be seen in")
+    stable_seconds: float = Field(0.3, ge=0, description="and over at least this long")
+    merge_duplicates: bool = Field(True, description="fold landmarks that are unambiguously one")
+    separate_frames: int = Field(
+        3, ge=1, description="frames with separate detections of both that prove two landmarks to be two"
+    )
+
+
+class Config(Settings):
+    """Everything a Pipeline needs to build itself."""
+
+    detector: Component = Component(name="none")
+    odometry: Component = Component(name="recorded")
+    associator: Component = Component(name="two_stage")
+    smoother: Component = Component(name="gtsam")
+    embedder: Component = Component(name="auto")
+    store: Component = Component(name="memory")
+    agents: tuple[Component, ...] = ()
+    keyframes: KeyframeSettings = KeyframeSettings()
+    lifting: LiftingSettings = LiftingSettings()
+    association: AssociationSettings = AssociationSettings()
+    graph: SmootherSettings = SmootherSettings()
+    map: MapSettings = MapSettings()
+    seed: int = Field(0, ge=0)
+
+    @classmethod
+    def preset(cls, name: str) -> Self:
+        """Return a named configuration.
+
+        Raises:
+            ConfigError: no preset of that name.
+        """
+        if name not in PRESETS:
+            raise ConfigError(f"unknown preset {name!r}; known: {', '.join(sorted(PRESETS))}")
+        return cls.from_dict(PRESETS[name], f"preset {name}")
+
+    @classmethod
+    def from_dict(cls, values: Mapping[str, Any], source: str = "config") -> Self:
+        """Check a nested mapping.
+
+        Raises:
+            ConfigError: names every unknown key (and the nearest known one) or bad value.
+        """
+        try:
+            return cls.model_validate(dict(values))
+        except ValidationError as error:
+            raise ConfigError(_explain(error, source, cls)) from None
+
+    @classmethod
+    def from_file(cls, path: str | Path) -> Self:
+        """Read a TOML or YAML file.
+
+        Raises:
+            ConfigError: it is missing, is neither, does not parse, or holds a bad setting.
+        """
+        return cls.from_dict(read_settings(path), str(path))
+
+    def with_settings(self, assignments: Iterable[str]) -> Self:
+        """Return a copy with ``key.sub=value`` assignments made; a value is JSON, else taken as text.
+
+        Raises:
+            ConfigError: an assignment has no "=", or a bad key or value.
+        """
+        values = self.model_dump()
+        for text in assignments:
+            key, equals, raw = text.partition("=")
+            if not equals or not key:
+                raise ConfigError(f"--set {text}: wanted key=value, for example keyframes.period_s=0.25")
+            *parents, last = key.strip().split(".")
+            target: Any = values
+            for parent in parents:
+                target = target.setdefault(parent, {}) if isinstance(target, dict) else None
+            if not isinstance(target, dict):
+                raise ConfigError(f"--set {text}: {key!r} is inside a setting that holds no others")
+            target[last] = _value(raw)
+        return self.from_dict(values, "--set")
+
+
+PRESETS: dict[str, dict[str, Any]] = {
+    "seo_slam": {},
+    "seo_slam_paper_gate": {"association": {"semantic_gate": "cosine", "solver": "lap"}},
+    "nearest": {"associator": {"name": "nearest"}},
+}
+
+
+def read_settings(path: str | Path) -> dict[str, Any]:
+    """Read a TOML or YAML file into a dict, unchecked but for its form.
+
+    Raises:
+        ConfigError: it is missing, has another suffix, or does not parse.
+    """
+    file = Path(path)
+    if not file.is_file():
+        raise ConfigError(f"{file}: no such config file")
+    try:
+        if file.suffix == ".toml":
+            return tomllib.loads(file.read_text(encoding="utf-8"))
+        if file.suffix in (".yaml", ".yml"):
+            import yaml
+
+            loaded = yaml.safe_load(file.read_text(encoding="utf-8"))
+            if loaded is None:
+                return {}
+            if not isinstance(loaded, dict):
+                raise ConfigError(f"{file}: got a {type(loaded).__name__} at the top, wanted keys and values")
+            return loaded
+    except ConfigError:
+        raise
+    except Exception as error:  # tomllib and yaml have errors of their own
+        raise ConfigError(f"{file}: does not parse: {error}") from error
+    raise ConfigError(f"{file}: got suffix {file.suffix!r}, wanted .toml, .yaml or .yml")
+
+
+def _value(raw: str) -> Any:
+    try:
+        return json.loads(raw)
+    except json.JSONDecodeError:
+        return raw
+
+
+def _explain(error: ValidationError, source: str, model: type[BaseModel]) -> str:
+    lines = []
+    for item in error.errors():
+        path = [str(part) for part in item["loc"]]
+        where = ".".join(path)
+        if item["type"] == "extra_forbidden":
+            known = _known_keys(model, path[:-1])
+            near = difflib.get_close_matches(path[-1], known, n=1)
+            hint = f"; did you mean {near[0]!r}?" if near else ""
+            lines.append(f"unknown setting {where!r}{hint} (known here: {', '.join(sorted(known))})")
+        else:
+            lines.append(f"{where}: {item['msg']} (got {item['input']!r})")
+    return f"{source}: " + "; ".join(lines)
+
+
+def _known_keys(model: type[BaseModel], path: list[str]) -> list[str]:
+    for part in path:
+        field = model.model_fields.get(part)
+        annotation = field.annotation if field else None
+        if not (isinstance(annotation, type) and issubclass(annotation, BaseModel)):
+            return []
+        model = annotation
+    return list(model.model_fields)

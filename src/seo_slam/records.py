@@ -1,0 +1,163 @@
+"""What a run leaves behind: edits and events of the map, keyframes for the store, results for the caller."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from seo_slam.errors import FrameError
+from seo_slam.geometry import FloatArray
+from seo_slam.types import (
+    Association,
+    Detections,
+    IntArray,
+    Landmark,
+    Observations,
+    OdometryStatus,
+    require_rows,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Confirm:
+    """An agent found the landmark right as it is."""
+
+    landmark_id: int
+    version: int
+    source: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Relabel:
+    """An agent proposes another label."""
+
+    landmark_id: int
+    version: int
+    label: str
+    source: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Remove:
+    """An agent proposes to take the landmark, and all its factors, out of the map."""
+
+    landmark_id: int
+    version: int
+    source: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Merge:
+    """An agent proposes that ``drop_id`` is the same thing as ``keep_id``."""
+
+    keep_id: int
+    keep_version: int
+    drop_id: int
+    drop_version: int
+    source: str = ""
+
+
+Edit = Confirm | Relabel | Remove | Merge
+
+
+@dataclass(frozen=True, slots=True)
+class MapEvent:
+    """One line of the map's history.
+
+    Attributes:
+        kind: "created", "stable", "merged", "relabelled", "removed", "confirmed" or "refused".
+        landmark_id: whose.
+        detail: in words: the id it was merged into, the old and new label, why it was refused.
+        source: "pipeline" or the agent's name.
+    """
+
+    kind: str
+    landmark_id: int
+    detail: str = ""
+    source: str = "pipeline"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class KeyframeRecord:
+    """All that a store must keep of one keyframe, committed in one transaction.
+
+    Attributes:
+        keyframe_id: 0, 1, 2, …
+        timestamp_s, T_world_camera, covariance: its stamp, (4, 4) pose and (6, 6) covariance when it was committed.
+        T_previous_current, motion_covariance: the odometry factor from the keyframe before.
+        observations, landmark_ids: the measurements used, one row each, and the landmark each was given to.
+        landmarks: landmarks that are new or changed, as they are now.
+        removed_ids: landmarks that left the map (merged into another or removed).
+        events: the history lines of this keyframe.
+    """
+
+    keyframe_id: int
+    timestamp_s: float
+    T_world_camera: FloatArray
+    covariance: FloatArray
+    T_previous_current: FloatArray
+    motion_covariance: FloatArray
+    observations: Observations
+    landmark_ids: IntArray
+    landmarks: tuple[Landmark, ...]
+    removed_ids: tuple[int, ...]
+    events: tuple[MapEvent, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StepResult:
+    """What one frame did.
+
+    Attributes:
+        index, timestamp_s: of the frame.
+        T_world_camera: (4, 4) pose of the camera, as estimated now.
+        odometry_status: "ok" or "lost".
+        keyframe_id: its number, or None where the frame only moved the camera.
+        detections, observations, association: None between keyframes.
+        new_ids: landmarks created by this frame.
+        events: what changed in the map.
+        warnings: the world's failures, in words; the run goes on.
+        seconds: stage -> seconds.
+    """
+
+    index: int
+    timestamp_s: float
+    T_world_camera: FloatArray
+    odometry_status: OdometryStatus
+    keyframe_id: int | None = None
+    detections: Detections | None = None
+    observations: Observations | None = None
+    association: Association | None = None
+    new_ids: tuple[int, ...] = ()
+    events: tuple[MapEvent, ...] = ()
+    warnings: tuple[str, ...] = ()
+    seconds: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def is_keyframe(self) -> bool:
+        """Whether detection and mapping ran on this frame."""
+        return self.keyframe_id is not None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Trajectory:
+    """Poses over time.
+
+    Attributes:
+        timestamps_s: (N,), strictly rising.
+        T_world_camera: (N, 4, 4).
+    """
+
+    timestamps_s: FloatArray
+    T_world_camera: FloatArray
+
+    def __post_init__(self) -> None:
+        n = len(self.timestamps_s)
+        require_rows("trajectory stamps", self.timestamps_s, (n,))
+        require_rows("trajectory poses", self.T_world_camera, (n, 4, 4))
+        if (np.diff(self.timestamps_s) <= 0).any():
+            row = int(np.flatnonzero(np.diff(self.timestamps_s) <= 0)[0]) + 1
+            raise FrameError(f"trajectory: stamps do not rise at row {row} (t={self.timestamps_s[row]})")
+
+    def __len__(self) -> int:
+        return len(self.timestamps_s)
