@@ -1,7 +1,7 @@
 """All settings, one pydantic model a component, with the defaults in code.
 
-``Config.from_file("my.toml")`` reads TOML or YAML; ``Config.preset("seo_slam")`` gives a named set; ``config.with_settings(["a.b=3"])`` changes
-single ones. A misspelt key is an error that names the nearest known one.
+``Config.from_file("my.toml")`` reads TOML or YAML; ``Config.preset("seo_slam")`` gives a named set;
+``config.with_settings(["a.b=3"])`` changes single ones. A misspelt key is an error that names the nearest known one.
 """
 
 import difflib

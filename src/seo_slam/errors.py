@@ -62,7 +62,7 @@ class UnknownLandmarkError(MapError, KeyError):
         return str(self.args[0]) if self.args else ""
 
 
-class EditRefused(MapError):
+class EditRefused(MapError):  # noqa: N818  # a verdict, not a fault
     """An edit names an old version of a landmark, or the geometry forbids it."""
 
 

@@ -156,8 +156,8 @@ def interpolate(T_world_a: FloatArray, T_world_b: FloatArray, share: float) -> F
 def require_transform(T: ArrayLike, name: str, tolerance: float = 1e-3) -> FloatArray:
     """Return ``T`` as a (4, 4) float64 transform whose rotation is exactly orthonormal.
 
-    A rotation that is off by rounding (up to ``tolerance`` in any entry of R^T R) is projected to the nearest one (SVD); GTSAM ends
-    the process on worse ones, so they must not reach it.
+    A rotation that is off by rounding (up to ``tolerance`` in any entry of R^T R) is projected to the nearest one (SVD); GTSAM
+    ends the process on worse ones, so they must not reach it.
 
     Raises:
         FrameError: wrong shape, not finite, not a rotation, or a mirrored one.

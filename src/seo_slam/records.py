@@ -67,14 +67,16 @@ class MapEvent:
     Attributes:
         kind: "created", "stable", "merged", "relabelled", "removed", "confirmed" or "refused".
         landmark_id: whose.
-        detail: in words: the id it was merged into, the old and new label, why it was refused.
+        detail: in words: the old and new label, why it was refused.
         source: "pipeline" or the agent's name.
+        other_id: for "merged", the landmark it went into; else None.
     """
 
     kind: str
     landmark_id: int
     detail: str = ""
     source: str = "pipeline"
+    other_id: int | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -114,7 +116,7 @@ class StepResult:
         odometry_status: "ok" or "lost".
         keyframe_id: its number, or None where the frame only moved the camera.
         detections, observations, association: None between keyframes.
-        new_ids: landmarks created by this frame.
+        landmark_ids: (K,) the landmark each observation went into, new ones included; ``REJECTED`` where none. None between keyframes.
         events: what changed in the map.
         warnings: the world's failures, in words; the run goes on.
         seconds: stage -> seconds.
@@ -128,7 +130,7 @@ class StepResult:
     detections: Detections | None = None
     observations: Observations | None = None
     association: Association | None = None
-    new_ids: tuple[int, ...] = ()
+    landmark_ids: IntArray | None = None
     events: tuple[MapEvent, ...] = ()
     warnings: tuple[str, ...] = ()
     seconds: Mapping[str, float] = field(default_factory=dict)

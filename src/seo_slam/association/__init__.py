@@ -1,0 +1,1 @@
+"""Observations and landmarks to an assignment."""

@@ -1,0 +1,1 @@
+"""Each file: our interfaces and one outside package. Only ``registry`` names them, as strings."""

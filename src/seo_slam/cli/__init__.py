@@ -1,0 +1,1 @@
+"""The command ``seo-slam``: thin, no logic that a library user would miss."""

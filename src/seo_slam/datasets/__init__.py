@@ -1,0 +1,1 @@
+"""Recordings, read lazily, one frame in memory."""

@@ -1,0 +1,1 @@
+"""The object map and the life of its landmarks."""

@@ -1,0 +1,1 @@
+"""One frame to observations: lifting boxes and masks to 3D."""

@@ -1,0 +1,1 @@
+"""Reports of a run: they read results and never touch the map."""

@@ -1,0 +1,1 @@
+"""Worlds of which everything is known."""
