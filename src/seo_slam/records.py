@@ -116,7 +116,7 @@ class StepResult:
         odometry_status: "ok" or "lost".
         keyframe_id: its number, or None where the frame only moved the camera.
         detections, observations, association: None between keyframes.
-        landmark_ids: (K,) the landmark each observation went into, new ones included; ``REJECTED`` where none. None between keyframes.
+        landmark_ids: (K,) the landmark each observation went into, new ones included; ``REJECTED`` where none.
         events: what changed in the map.
         warnings: the world's failures, in words; the run goes on.
         seconds: stage -> seconds.

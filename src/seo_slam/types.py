@@ -1,8 +1,8 @@
 """What flows through the pipeline, one frozen dataclass each.
 
 Hot-path types are structs of arrays (one row a detection, observation or landmark), are checked when they are built, and can
-be indexed by a boolean mask or an array of row numbers. Frames: ``camera`` is OpenCV's (x right, y down, z forward), ``world`` is z
-up where gravity is known.
+be indexed by a boolean mask or an array of row numbers. Frames: ``camera`` is OpenCV's (x right, y down, z forward), ``world``
+is z up where gravity is known.
 """
 
 from collections.abc import Callable, Mapping
