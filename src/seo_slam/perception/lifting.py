@@ -29,9 +29,7 @@ class _Lifted:
     cloud: FloatArray
 
 
-def observe(
-    detections: Detections, frame: Frame, settings: LiftingSettings, embedder: Embedder
-) -> tuple[Observations, tuple[str, ...]]:
+def observe(detections: Detections, frame: Frame, settings: LiftingSettings, embedder: Embedder) -> tuple[Observations, tuple[str, ...]]:
     """Measure every detected object in 3D.
 
     Returns:
@@ -80,9 +78,7 @@ def _embed(labels: tuple[str | None, ...], embedder: Embedder) -> FloatArray:
     return out
 
 
-def _lift(
-    box_px: FloatArray, mask: BoolArray | None, truncated: BoolArray, frame: Frame, settings: LiftingSettings
-) -> _Lifted | None:
+def _lift(box_px: FloatArray, mask: BoolArray | None, truncated: BoolArray, frame: Frame, settings: LiftingSettings) -> _Lifted | None:
     uv, depth_m, weight, centre_px = _object_pixels(box_px, mask, frame, settings)
     if len(depth_m) < settings.min_points:
         return None
@@ -94,7 +90,7 @@ def _lift(
         return None
     z = _weighted_median(depth_m[inside], weight[inside])
     size_m = side_px / (camera.fx, camera.fy) * z
-    x, y = camera.undistort(centre_px)
+    x, y = _ray(centre_px, camera)
     cloud = _cloud(uv[inside], depth_m[inside], camera)
     return _Lifted(
         p_camera=np.array([x * z, y * z, z]),
@@ -150,9 +146,9 @@ def _weighted_median(values: FloatArray, weight: FloatArray) -> float:
 def _covariance(x: float, y: float, z: float, size_m: FloatArray, truncated: BoolArray, settings: LiftingSettings) -> FloatArray:
     """Gamma of Eq 2: box noise across the line of sight; depth noise and the unknown half-depth along it.
 
-    The depth of the surface is measured, the object's centre lies behind it by an unknown amount, taken as uniform between nothing (a sheet) and
-    half the shorter side (a ball): standard deviation side / sqrt(48). Where the image border cuts the box, the true edge may be up to
-    as far again outside: the centre is then uncertain by about a third of the visible side.
+    The depth of the surface is measured, the object's centre lies behind it by an unknown amount, taken as uniform between
+    nothing (a sheet) and half the shorter side (a ball): standard deviation side / sqrt(48). Where the image border
+    cuts the box, the true edge may be up to as far again outside: the centre is then uncertain by about a third of the visible side.
     """
     sigma_z = settings.depth_noise_at_1m_m * z * z
     half_depth = float(size_m.min()) / np.sqrt(48.0)
@@ -162,6 +158,13 @@ def _covariance(x: float, y: float, z: float, size_m: FloatArray, truncated: Boo
     variance = np.array([across[0] ** 2, across[1] ** 2, sigma_z**2 + half_depth**2])
     J = np.array([[1.0, 0.0, x], [0.0, 1.0, y], [0.0, 0.0, 1.0]])
     return np.asarray(J @ np.diag(variance) @ J.T + settings.min_sigma_m**2 * np.eye(3), dtype=np.float64)
+
+
+def _ray(uv_px: FloatArray, camera: Camera) -> FloatArray:
+    """The normalised ray (2,) of one image point: that of its pixel, and the rest of a pixel as if there were no distortion."""
+    u = int(np.clip(round(float(uv_px[0])), 0, camera.width - 1))
+    v = int(np.clip(round(float(uv_px[1])), 0, camera.height - 1))
+    return np.asarray(camera.rays()[v, u] + (uv_px - (u, v)) / (camera.fx, camera.fy), dtype=np.float64)
 
 
 def _cloud(uv: FloatArray, depth_m: FloatArray, camera: Camera) -> FloatArray:

@@ -1,0 +1,115 @@
+"""SEO-SLAM's data association: a geometric gate, then a semantic one, then one assignment (III-B)."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import chi2
+
+from seo_slam.association.costs import mahalanobis, predicted_measurements
+from seo_slam.association.label_likelihood import LabelLikelihood
+from seo_slam.config import AssociationSettings
+from seo_slam.geometry import FloatArray
+from seo_slam.interfaces import AssignmentSolver, Associator
+from seo_slam.perception.boxes import containment
+from seo_slam.types import NEW, REJECTED, Association, BoolArray, Estimate, IntArray, Landmarks, Observations
+
+CLUTTER_PER_M3 = 50.0
+"""Density of other things to expect around a thing: a cluttered desk (a dozen things on a square metre, 0.25 m high)."""
+
+SAME_BOX_CONTAINMENT = 0.7
+"""A second box of one landmark in one image, that much inside the first, is the detector firing twice."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Gate:
+    """What each pair of observation and landmark costs and whether it may be.
+
+    Attributes:
+        allowed: (K, N) bool.
+        cost: (K, N), meaningful where allowed.
+        dummy_cost: above any allowed cost: the price of "no landmark fits".
+    """
+
+    allowed: BoolArray
+    cost: FloatArray
+    dummy_cost: float
+
+
+class TwoStageAssociator(Associator):
+    """Mahalanobis gate with the joint covariance (Eq 4, 7), semantic gate, K x (N+K) assignment with private dummy columns."""
+
+    def __init__(
+        self,
+        settings: AssociationSettings | None = None,
+        solver: AssignmentSolver | None = None,
+        embedder_name: str = "minilm",
+    ) -> None:
+        """Take the gate's settings, an assignment solver, and the name of the embedder whose calibration applies."""
+        self._settings = settings or AssociationSettings()
+        self._solver = solver or _default_solver()
+        self._threshold = float(chi2.ppf(self._settings.gate_probability, df=3))
+        self._likelihood = LabelLikelihood(embedder_name)
+
+    def associate(self, observations: Observations, landmarks: Landmarks, estimate: Estimate) -> Association:
+        """See ``interfaces.Associator``."""
+        self._likelihood.learn(observations.labels, observations.embeddings)
+        near = np.linalg.norm(landmarks.p_world - estimate.T_world_camera[:3, 3], axis=1) < self._settings.search_distance_m
+        candidates = landmarks[near]
+        gate = self.gate(observations, candidates, estimate)
+        columns = self._assign(gate)
+        ids = np.full(len(observations), NEW, dtype=np.int64)
+        costs = np.full(len(observations), np.nan)
+        matched = columns < len(candidates)
+        ids[matched] = candidates.ids[columns[matched]]
+        costs[matched] = gate.cost[np.flatnonzero(matched), columns[matched]]
+        ids[doubles(observations, gate.allowed, columns)] = REJECTED
+        return Association(landmark_ids=ids, costs=costs)
+
+    def gate(self, observations: Observations, candidates: Landmarks, estimate: Estimate) -> Gate:
+        """Test every pair: first chi-square (Eq 7), then semantics."""
+        predicted, predicted_cov = predicted_measurements(estimate, candidates)
+        squared, log_det = mahalanobis(observations, predicted, predicted_cov)
+        allowed: BoolArray = np.asarray(squared < self._threshold)
+        if self._settings.semantic_gate == "none":
+            return Gate(allowed, squared, self._threshold)
+        if self._settings.semantic_gate == "cosine":
+            similar = observations.embeddings @ candidates.embeddings.T > self._settings.cosine_threshold
+            unnamed = ~observations.embeddings.any(axis=1)[:, None] | ~candidates.embeddings.any(axis=1)[None, :]
+            return Gate(allowed & (similar | unnamed), squared, self._threshold)
+        semantic = self._likelihood.log_ratio(observations.labels, candidates.labels)
+        geometric = -0.5 * (squared + log_det) - np.log(CLUTTER_PER_M3)
+        allowed = allowed & (semantic + geometric > 0.0)
+        surprise = 2.0 * np.maximum(self._likelihood.highest - semantic, 0.0)
+        worst = 2.0 * (self._likelihood.highest - np.log(0.1)) + self._threshold
+        return Gate(allowed, squared + surprise, worst)
+
+    def _assign(self, gate: Gate) -> IntArray:
+        """Solve the K x (N+K) problem: landmark columns, then one private dummy column an observation."""
+        K, N = gate.allowed.shape
+        forbidden = 1e3 * gate.dummy_cost
+        cost = np.full((K, N + K), forbidden)
+        cost[:, :N][gate.allowed] = gate.cost[gate.allowed]
+        cost[np.arange(K), N + np.arange(K)] = gate.dummy_cost
+        return self._solver.solve(cost)
+
+
+def doubles(observations: Observations, allowed: BoolArray, columns: IntArray) -> BoolArray:
+    """Return (K,) bool: unassigned observations that are a second box of a landmark already assigned in this image.
+
+    Such an observation passed the gate of that landmark, and its box lies in the box that won it (or the other way round). Two
+    cups side by side have separate boxes and stay two.
+    """
+    K, N = allowed.shape
+    inside = containment(observations.boxes_px, observations.boxes_px) > SAME_BOX_CONTAINMENT
+    out = np.zeros(K, dtype=np.bool_)
+    winners = np.flatnonzero(columns < N)
+    for k in np.flatnonzero(columns >= N):
+        out[k] = bool((allowed[k, columns[winners]] & inside[k, winners]).any())
+    return out
+
+
+def _default_solver() -> AssignmentSolver:
+    from seo_slam.registry import create
+
+    solver: AssignmentSolver = create("assignment_solver", "scipy")
+    return solver

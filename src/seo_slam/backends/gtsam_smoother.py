@@ -1,0 +1,189 @@
+"""The factor graph over camera poses and landmark positions (SEO-SLAM Eq 1), solved incrementally by GTSAM's ISAM2.
+
+GTSAM has no pose-to-point factor, so a measured point is given as bearing and range, its covariance ``Gamma`` carried over by
+``J Gamma J^T`` with ``J = [B^T / r; u^T]`` (u the unit direction, B a basis of the plane across it, r the range).
+"""
+
+from dataclasses import dataclass, field
+
+import gtsam
+import numpy as np
+from gtsam.symbol_shorthand import L, X
+
+from seo_slam.config import SmootherSettings
+from seo_slam.errors import OptimizationError, UnknownLandmarkError
+from seo_slam.geometry import FloatArray, adjoint, inverse, require_transform
+from seo_slam.types import Estimate, IntArray, Landmarks, Motion, Observations
+
+
+@dataclass(slots=True)
+class _LandmarkFactors:
+    """What is needed to take a landmark out, or to give its measurements to another."""
+
+    indices: list[int] = field(default_factory=list)
+    measurements: list[tuple[int, FloatArray, FloatArray]] = field(default_factory=list)  # keyframe, p_camera, cov_camera
+    prior: tuple[FloatArray, FloatArray] | None = None  # p_world, cov_world of a landmark of a continued map
+
+
+class GtsamSmoother:
+    """``interfaces.Smoother`` over ISAM2."""
+
+    def __init__(self, settings: SmootherSettings | None = None) -> None:
+        """Make an empty graph."""
+        self._settings = settings or SmootherSettings()
+        parameters = gtsam.ISAM2Params()
+        parameters.setRelinearizeThreshold(0.01)
+        parameters.relinearizeSkip = 1
+        self._isam = gtsam.ISAM2(parameters)
+        self._keyframes = 0
+        self._landmarks: dict[int, _LandmarkFactors] = {}
+        self._new_graph = gtsam.NonlinearFactorGraph()
+        self._new_values = gtsam.Values()
+        self._new_owners: list[int | None] = []  # landmark of each factor in _new_graph
+        self._T_last = np.eye(4)
+
+    def start(self, T_world_camera: FloatArray, covariance: FloatArray, landmarks: Landmarks | None = None) -> Estimate:
+        """See ``interfaces.Smoother``."""
+        T = require_transform(T_world_camera, "first camera pose")
+        self._add(gtsam.PriorFactorPose3(X(0), gtsam.Pose3(T), gtsam.noiseModel.Gaussian.Covariance(covariance)), None)
+        self._new_values.insert(X(0), gtsam.Pose3(T))
+        for row in range(len(landmarks) if landmarks is not None else 0):
+            assert landmarks is not None
+            self._add_prior(int(landmarks.ids[row]), landmarks.p_world[row], landmarks.cov_world[row])
+        self._flush([])
+        self._keyframes = 1
+        self._T_last = T
+        return self._estimate()
+
+    def predict(self, motion: Motion) -> Estimate:
+        """See ``interfaces.Smoother``."""
+        T_pl = inverse(motion.T_previous_current)
+        carry = adjoint(T_pl)
+
+        def joint_covariance(landmark_ids: IntArray) -> FloatArray:
+            joint = self._joint(landmark_ids)
+            joint[:6] = carry @ joint[:6]
+            joint[:, :6] = joint[:, :6] @ carry.T
+            joint[:6, :6] += motion.covariance
+            return joint
+
+        return Estimate(
+            T_world_camera=self._T_last @ motion.T_previous_current,
+            covariance=joint_covariance(np.zeros(0, dtype=np.int64)),
+            joint_covariance=joint_covariance,
+        )
+
+    def update(self, motion: Motion | None, observations: Observations, landmark_ids: IntArray, robust: bool = True) -> Estimate:
+        """See ``interfaces.Smoother``."""
+        if motion is not None:
+            previous, current = self._keyframes - 1, self._keyframes
+            T = require_transform(self._T_last @ motion.T_previous_current, "predicted camera pose")
+            noise = gtsam.noiseModel.Gaussian.Covariance(motion.covariance)
+            step = gtsam.Pose3(motion.T_previous_current)
+            self._add(gtsam.BetweenFactorPose3(X(previous), X(current), step, noise), None)
+            self._new_values.insert(X(current), gtsam.Pose3(T))
+            self._keyframes += 1
+            self._T_last = T
+        for row, landmark_id in enumerate(landmark_ids):
+            self._measure(int(landmark_id), self._keyframes - 1, observations.p_camera[row], observations.cov_camera[row], robust)
+        self._flush([])
+        self._T_last = require_transform(self._isam.calculateEstimatePose3(X(self._keyframes - 1)).matrix(), "estimated pose")
+        return self._estimate()
+
+    def remove(self, landmark_id: int) -> None:
+        """See ``interfaces.Smoother``."""
+        self._flush(self._take_out(landmark_id).indices)
+
+    def merge(self, keep_id: int, drop_id: int) -> None:
+        """See ``interfaces.Smoother``."""
+        if keep_id == drop_id:
+            raise UnknownLandmarkError(f"landmark {keep_id} cannot be merged with itself")
+        self._known(keep_id)
+        dropped = self._take_out(drop_id)
+        if dropped.prior is not None:
+            self._add_prior(keep_id, *dropped.prior)
+        for keyframe, p_camera, cov_camera in dropped.measurements:
+            self._measure(keep_id, keyframe, p_camera, cov_camera, robust=True)
+        self._flush(dropped.indices)
+
+    def positions(self) -> tuple[IntArray, FloatArray]:
+        """See ``interfaces.Smoother``."""
+        ids = np.array(sorted(self._landmarks), dtype=np.int64)
+        points = [self._isam.calculateEstimatePoint3(L(int(i))) for i in ids]
+        return ids, np.array(points, dtype=np.float64).reshape(len(ids), 3)
+
+    def covariances(self, landmark_ids: IntArray) -> FloatArray:
+        """See ``interfaces.Smoother``."""
+        for landmark_id in landmark_ids:
+            self._known(int(landmark_id))
+        blocks = [self._isam.marginalCovariance(L(int(i))) for i in landmark_ids]
+        return np.array(blocks, dtype=np.float64).reshape(len(landmark_ids), 3, 3)
+
+    def poses(self) -> FloatArray:
+        """See ``interfaces.Smoother``."""
+        matrices = [self._isam.calculateEstimatePose3(X(i)).matrix() for i in range(self._keyframes)]
+        return np.array(matrices, dtype=np.float64).reshape(self._keyframes, 4, 4)
+
+    def _estimate(self) -> Estimate:
+        return Estimate(
+            T_world_camera=self._T_last.copy(),
+            covariance=self._joint(np.zeros(0, dtype=np.int64)),
+            joint_covariance=self._joint,
+        )
+
+    def _joint(self, landmark_ids: IntArray) -> FloatArray:
+        for landmark_id in landmark_ids:
+            self._known(int(landmark_id))
+        keys = [X(self._keyframes - 1), *(L(int(i)) for i in landmark_ids)]
+        # In query order since GTSAM 4.3; a test holds it to that.
+        return np.array(self._isam.jointMarginalCovariance(keys).fullMatrix(), dtype=np.float64)
+
+    def _known(self, landmark_id: int) -> _LandmarkFactors:
+        if landmark_id not in self._landmarks:
+            raise UnknownLandmarkError(f"landmark {landmark_id} is not in the graph")
+        return self._landmarks[landmark_id]
+
+    def _take_out(self, landmark_id: int) -> _LandmarkFactors:
+        factors = self._known(landmark_id)
+        del self._landmarks[landmark_id]
+        return factors
+
+    def _add(self, factor: gtsam.NonlinearFactor, owner: int | None) -> None:
+        self._new_graph.push_back(factor)
+        self._new_owners.append(owner)
+
+    def _add_prior(self, landmark_id: int, p_world: FloatArray, cov_world: FloatArray) -> None:
+        if landmark_id not in self._landmarks:
+            self._landmarks[landmark_id] = _LandmarkFactors(prior=(p_world, cov_world))
+            self._new_values.insert(L(landmark_id), p_world)
+        noise = gtsam.noiseModel.Gaussian.Covariance(cov_world)
+        self._add(gtsam.PriorFactorPoint3(L(landmark_id), p_world, noise), landmark_id)
+
+    def _measure(self, landmark_id: int, keyframe: int, p_camera: FloatArray, cov_camera: FloatArray, robust: bool) -> None:
+        if landmark_id not in self._landmarks:
+            self._landmarks[landmark_id] = _LandmarkFactors()
+            T = self._T_last
+            self._new_values.insert(L(landmark_id), T[:3, :3] @ p_camera + T[:3, 3])
+        self._landmarks[landmark_id].measurements.append((keyframe, p_camera, cov_camera))
+        distance = float(np.linalg.norm(p_camera))
+        direction = gtsam.Unit3(p_camera)
+        J = np.vstack([direction.basis().T / distance, p_camera[None] / distance])
+        noise = gtsam.noiseModel.Gaussian.Covariance(J @ cov_camera @ J.T)
+        if robust:
+            loss = gtsam.noiseModel.mEstimator.Huber.Create(self._settings.huber_k)
+            noise = gtsam.noiseModel.Robust.Create(loss, noise)
+        self._add(gtsam.BearingRangeFactor3D(X(keyframe), L(landmark_id), direction, distance, noise), landmark_id)
+
+    def _flush(self, remove_indices: list[int]) -> None:
+        """Give ISAM2 the pending factors and values, and take factors out."""
+        try:
+            result = self._isam.update(self._new_graph, self._new_values, remove_indices)
+            self._isam.update()
+        except RuntimeError as error:
+            raise OptimizationError(f"keyframe {self._keyframes - 1}: GTSAM could not solve the graph: {error}") from error
+        for owner, index in zip(self._new_owners, result.getNewFactorsIndices(), strict=True):
+            if owner is not None:
+                self._landmarks[owner].indices.append(int(index))
+        self._new_graph = gtsam.NonlinearFactorGraph()
+        self._new_values = gtsam.Values()
+        self._new_owners = []
