@@ -143,7 +143,27 @@ class MapStore(Protocol):
     """Keeps every keyframe, so that a process killed at any moment loses nothing that was committed."""
 
     def commit(self, record: KeyframeRecord) -> None:
-        """Keep a keyframe, wholly or not at all."""
+        """Keep a keyframe, wholly or not at all.
+
+        Raises:
+            MapError: its id does not rise, or the store is closed.
+        """
+        ...
+
+    def keyframe(self, keyframe_id: int) -> KeyframeRecord:
+        """Return a keyframe as it was committed, but for the observations' clouds, which a store need not keep.
+
+        Raises:
+            MapError: no such keyframe.
+        """
+        ...
+
+    def set_meta(self, key: str, value: str) -> None:
+        """Keep a fact about the whole map: "gravity", "embedder", …"""
+        ...
+
+    def meta(self) -> dict[str, str]:
+        """Every fact kept by ``set_meta``."""
         ...
 
     def keyframe_ids(self) -> IntArray:
