@@ -109,7 +109,7 @@ class Detections(_Rows):
         boxes_px: (N, 4) float64, ``x0, y0, x1, y1``.
         labels: N words, or None where the detector has none (class-agnostic segments).
         scores: (N,) in [0, 1].
-        masks: (N, H, W) bool, or None.
+        masks: (N, H, W) bool, or None. A row without a single True pixel has no mask: its box is used.
         embeddings: (N, D) float64 of the detector's own, or None.
     """
 
