@@ -4,6 +4,7 @@
       ConfigError(ValueError)          a setting is misspelt or out of range
       FrameError(ValueError)           an array handed in has a bad shape, type or value
       DatasetError                     a recording cannot be read; names file and line
+      EvaluationError                  an estimate cannot be scored against this truth
       OptimizationError                the factor graph has no solution
       BackendError                     a plug-in cannot be used
         UnknownBackendError(LookupError)
@@ -33,6 +34,10 @@ class FrameError(SeoSlamError, ValueError):
 
 class DatasetError(SeoSlamError):
     """A recording or a file of one cannot be read."""
+
+
+class EvaluationError(SeoSlamError):
+    """An estimate cannot be scored against this truth."""
 
 
 class OptimizationError(SeoSlamError):
