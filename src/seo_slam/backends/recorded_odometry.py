@@ -1,0 +1,109 @@
+"""Odometry that replays recorded poses: ground truth, or what the robot reported."""
+
+from pathlib import Path
+
+import numpy as np
+
+from seo_slam.datasets.trajectory_files import interpolate_pose, read_trajectory
+from seo_slam.errors import ConfigError
+from seo_slam.geometry import FloatArray, inverse, so3_log
+from seo_slam.records import Trajectory
+from seo_slam.types import Frame, Motion
+
+
+class RecordedOdometry:
+    """Interpolates a trajectory at the stamps of the frames.
+
+    Where the trajectory has no pose, the status is "lost": the camera is taken to stand at the last pose known (before the first
+    one: at the first). The motion after a gap starts from that guess, so that the chain of all motions is exact again.
+    """
+
+    def __init__(
+        self,
+        trajectory: Trajectory | str | Path,
+        sigma_m: float = 0.01,
+        sigma_share: float = 0.01,
+        sigma_deg: float = 0.2,
+        sigma_turn_share: float = 0.01,
+        max_gap_s: float | None = None,
+        lost_sigma_m: float = 0.5,
+        lost_sigma_deg: float = 30.0,
+    ) -> None:
+        """Take poses, or read them from a TUM file.
+
+        The noise is that of one step between frames given to ``update``: one standard deviation is ``sigma_m + sigma_share * length``
+        along each axis and ``sigma_deg + sigma_turn_share * turn`` about each. The pipeline gives every frame, so the noise between
+        keyframes grows with the root of the number of frames between them; give less than the default for a fast camera with
+        exact poses.
+
+        Args:
+            trajectory: poses ``T_world_camera``, or their file.
+            sigma_m: metres a step.
+            sigma_share: metres a metre of the step.
+            sigma_deg: degrees a step.
+            sigma_turn_share: degrees a degree of the step.
+            max_gap_s: poses farther apart are not interpolated; None: 2.5 times their median period, but at least 0.1 s.
+            lost_sigma_m: metres, of the guess while lost.
+            lost_sigma_deg: degrees, of the guess while lost.
+
+        Raises:
+            DatasetError: the file cannot be read.
+            ConfigError: a noise that is not above 0, a share below 0, an empty trajectory.
+        """
+        for name, value in (
+            ("sigma_m", sigma_m),
+            ("sigma_deg", sigma_deg),
+            ("lost_sigma_m", lost_sigma_m),
+            ("lost_sigma_deg", lost_sigma_deg),
+            ("max_gap_s", 1.0 if max_gap_s is None else max_gap_s),
+        ):
+            if not value > 0:
+                raise ConfigError(f"recorded odometry: {name}: got {value}, wanted above 0")
+        if not (sigma_share >= 0 and sigma_turn_share >= 0):
+            raise ConfigError(f"recorded odometry: got shares {sigma_share} and {sigma_turn_share}, wanted 0 or more")
+        self.trajectory = trajectory if isinstance(trajectory, Trajectory) else read_trajectory(trajectory)
+        if not len(self.trajectory):
+            raise ConfigError("recorded odometry: the trajectory holds no poses")
+        periods_s = np.diff(self.trajectory.timestamps_s)
+        usual_gap_s = max(0.1, 2.5 * float(np.median(periods_s))) if len(periods_s) else 0.1
+        self.max_gap_s = usual_gap_s if max_gap_s is None else max_gap_s
+        self._sigma_m, self._sigma_share = sigma_m, sigma_share
+        self._sigma_rad, self._sigma_turn_share = np.radians(sigma_deg), sigma_turn_share
+        self._lost = _covariance(np.radians(lost_sigma_deg), lost_sigma_m)
+        self._T_world_previous: FloatArray | None = None
+
+    def update(self, frame: Frame) -> Motion:
+        """Return the motion from the frame given before to this one; ``T_world_camera`` is the pose itself."""
+        T_world_camera = interpolate_pose(self.trajectory, frame.timestamp_s, self.max_gap_s)
+        if T_world_camera is None:
+            return self._lost_at(frame.timestamp_s)
+        previous = T_world_camera if self._T_world_previous is None else self._T_world_previous
+        self._T_world_previous = T_world_camera
+        T_previous_current = inverse(previous) @ T_world_camera
+        step_m = float(np.linalg.norm(T_previous_current[:3, 3]))
+        turn_rad = float(np.linalg.norm(so3_log(T_previous_current[:3, :3])))
+        covariance = _covariance(self._sigma_rad + self._sigma_turn_share * turn_rad, self._sigma_m + self._sigma_share * step_m)
+        return Motion(T_previous_current, covariance, T_world_camera=T_world_camera)
+
+    def _lost_at(self, timestamp_s: float) -> Motion:
+        stamps_s = self.trajectory.timestamps_s
+        after = int(np.searchsorted(stamps_s, timestamp_s))
+        if self._T_world_previous is None:  # nothing known yet: stand where the trajectory is nearest
+            self._T_world_previous = np.array(self.trajectory.T_world_camera[max(0, after - 1)])
+        if after == 0:
+            why = f"the first pose is {stamps_s[0] - timestamp_s:.3f} s later"
+        elif after == len(stamps_s):
+            why = f"the last pose is {timestamp_s - stamps_s[-1]:.3f} s earlier"
+        else:
+            why = f"poses are {stamps_s[after] - stamps_s[after - 1]:.3f} s apart there, more than {self.max_gap_s:.3f} s"
+        return Motion(
+            T_previous_current=np.eye(4),
+            covariance=self._lost.copy(),
+            status="lost",
+            message=f"no recorded pose at {timestamp_s:.6f} s: {why}",
+            T_world_camera=self._T_world_previous,
+        )
+
+
+def _covariance(sigma_rad: float, sigma_m: float) -> FloatArray:
+    return np.diag([sigma_rad**2] * 3 + [sigma_m**2] * 3)
