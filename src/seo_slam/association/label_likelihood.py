@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from seo_slam.geometry import FloatArray
+from seo_slam.interfaces import Embedder
 
 CALIBRATION: dict[str, tuple[float, float]] = {
     "minilm": (12.0, -6.0),
@@ -28,52 +29,58 @@ MISTAKE_SHARE = 0.1
 class LabelLikelihood:
     """Log likelihood ratios between observed labels and landmarks' label distributions."""
 
-    def __init__(self, embedder_name: str) -> None:
-        """Use the calibration of an embedder, by its name."""
-        self._slope, self._offset = CALIBRATION.get(embedder_name, CALIBRATION["minilm"])
+    def __init__(self, embedder: Embedder | None = None) -> None:
+        """Compare words by an embedder and its calibration; without one, words are the same or not."""
+        self._embedder = embedder
+        name = embedder.name if embedder is not None else ""
+        self._slope, self._offset = CALIBRATION.get(name, CALIBRATION["minilm"])
         self._vectors: dict[str, FloatArray] = {}
+        self._ratios: dict[tuple[str, str], float] = {}
 
     @property
     def highest(self) -> float:
-        """The largest log ratio there is: the label that the landmark always had."""
+        """The largest log ratio there is: the one word that the landmark always had."""
         return float(np.log((1 - MISTAKE_SHARE) * np.exp(SAME_WORD) + MISTAKE_SHARE))
 
-    def learn(self, labels: Sequence[str | None], embeddings: FloatArray) -> None:
-        """Remember the unit vectors (K, D) of labels, so that distributions over them can be compared word by word."""
-        for label, vector in zip(labels, embeddings, strict=True):
-            if label and label not in self._vectors:
-                self._vectors[label] = vector
+    @property
+    def lowest(self) -> float:
+        """The smallest log ratio there is: a word that has nothing to do with the landmark's, so it may be a mistake."""
+        return float(np.log(MISTAKE_SHARE))
 
     def log_ratio(self, labels: Sequence[str | None], distributions: Sequence[Mapping[str, float]]) -> FloatArray:
         """Return (K, N): log P(label | it is landmark n) - log P(label | it is another thing).
 
-        The landmark's words vote by weight; a share of mistakes bounds it from below. 0 where either has no label, or a word was
-        never learnt.
+        The landmark's words vote by weight; the share of mistakes bounds it from below. 0 where either has no label.
         """
         out = np.zeros((len(labels), len(distributions)))
-        known = {label for label in labels if label} & self._vectors.keys()
-        for n, distribution in enumerate(distributions):
-            words = [word for word in distribution if word in self._vectors]
-            if not words:
-                continue
-            weights = np.array([distribution[word] for word in words])
-            weights = weights / weights.sum()
-            vectors = np.array([self._vectors[word] for word in words])
-            ratio_of = {label: float(weights @ self._ratio(label, words, vectors)) for label in known}
-            for k, label in enumerate(labels):
-                if label in ratio_of:
-                    out[k, n] = np.log((1 - MISTAKE_SHARE) * ratio_of[label] + MISTAKE_SHARE)
+        for k, label in enumerate(labels):
+            for n, distribution in enumerate(distributions):
+                if label and distribution:
+                    mean = sum(weight * self._ratio(label, word) for word, weight in distribution.items())
+                    mean /= sum(distribution.values())
+                    out[k, n] = np.log((1 - MISTAKE_SHARE) * mean + MISTAKE_SHARE)
         return out
 
     def between(self, a: Mapping[str, float], b: Mapping[str, float]) -> float:
-        """The same for two distributions: words of ``a`` as if observed, averaged by weight."""
-        words = [word for word in a if word in self._vectors]
-        if not words:
+        """Return the same for two distributions: the words of ``a`` as if observed, averaged by weight."""
+        if not a or not b:
             return 0.0
-        weights = np.array([a[word] for word in words])
-        return float(np.log(weights / weights.sum() @ np.exp(self.log_ratio(words, [b])[:, 0])))
+        weights = np.array(list(a.values()))
+        return float(np.log(weights / weights.sum() @ np.exp(self.log_ratio(list(a), [b])[:, 0])))
 
-    def _ratio(self, label: str, words: list[str], vectors: FloatArray) -> FloatArray:
-        log_ratio = np.minimum(self._slope * (vectors @ self._vectors[label]) + self._offset, SAME_WORD)
-        same = np.array([word == label for word in words])
-        return np.asarray(np.exp(np.where(same, SAME_WORD, log_ratio)), dtype=np.float64)
+    def _ratio(self, a: str, b: str) -> float:
+        if a == b:
+            return float(np.exp(SAME_WORD))
+        key = (a, b) if a < b else (b, a)
+        if key not in self._ratios:
+            self._ratios[key] = self._ratio_of_different(*key)
+        return self._ratios[key]
+
+    def _ratio_of_different(self, a: str, b: str) -> float:
+        if self._embedder is None:
+            return 0.0
+        for word in (a, b):
+            if word not in self._vectors:
+                self._vectors[word] = self._embedder.embed_text([word])[0]
+        cosine = float(self._vectors[a] @ self._vectors[b])
+        return float(np.exp(min(self._slope * cosine + self._offset, SAME_WORD)))

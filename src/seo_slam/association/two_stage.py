@@ -42,24 +42,23 @@ class TwoStageAssociator(Associator):
         self,
         settings: AssociationSettings | None = None,
         solver: AssignmentSolver | None = None,
-        embedder_name: str = "minilm",
+        likelihood: LabelLikelihood | None = None,
     ) -> None:
-        """Take the gate's settings, an assignment solver, and the name of the embedder whose calibration applies."""
+        """Take the gate's settings, an assignment solver (default: scipy's), and what compares labels (default: equal or not)."""
         self._settings = settings or AssociationSettings()
         self._solver = solver or _default_solver()
         self._threshold = float(chi2.ppf(self._settings.gate_probability, df=3))
-        self._likelihood = LabelLikelihood(embedder_name)
+        self._likelihood = likelihood or LabelLikelihood()
 
     def associate(self, observations: Observations, landmarks: Landmarks, estimate: Estimate) -> Association:
         """See ``interfaces.Associator``."""
-        self._likelihood.learn(observations.labels, observations.embeddings)
         near = np.linalg.norm(landmarks.p_world - estimate.T_world_camera[:3, 3], axis=1) < self._settings.search_distance_m
         candidates = landmarks[near]
         gate = self.gate(observations, candidates, estimate)
         columns = self._assign(gate)
         ids = np.full(len(observations), NEW, dtype=np.int64)
         costs = np.full(len(observations), np.nan)
-        matched = columns < len(candidates)
+        matched = np.less(columns, len(candidates))
         ids[matched] = candidates.ids[columns[matched]]
         costs[matched] = gate.cost[np.flatnonzero(matched), columns[matched]]
         ids[doubles(observations, gate.allowed, columns)] = REJECTED
@@ -69,18 +68,19 @@ class TwoStageAssociator(Associator):
         """Test every pair: first chi-square (Eq 7), then semantics."""
         predicted, predicted_cov = predicted_measurements(estimate, candidates)
         squared, log_det = mahalanobis(observations, predicted, predicted_cov)
-        allowed: BoolArray = np.asarray(squared < self._threshold)
+        allowed: BoolArray = np.less(squared, self._threshold)
         if self._settings.semantic_gate == "none":
             return Gate(allowed, squared, self._threshold)
         if self._settings.semantic_gate == "cosine":
             similar = observations.embeddings @ candidates.embeddings.T > self._settings.cosine_threshold
-            unnamed = ~observations.embeddings.any(axis=1)[:, None] | ~candidates.embeddings.any(axis=1)[None, :]
-            return Gate(allowed & (similar | unnamed), squared, self._threshold)
+            named = np.array([bool(label) for label in observations.labels], dtype=np.bool_)[:, None]
+            named = named & np.array([bool(words) for words in candidates.labels], dtype=np.bool_)[None, :]
+            return Gate(allowed & (similar | ~named), squared, self._threshold)
         semantic = self._likelihood.log_ratio(observations.labels, candidates.labels)
         geometric = -0.5 * (squared + log_det) - np.log(CLUTTER_PER_M3)
-        allowed = allowed & (semantic + geometric > 0.0)
+        allowed &= np.greater(semantic + geometric, 0.0)
         surprise = 2.0 * np.maximum(self._likelihood.highest - semantic, 0.0)
-        worst = 2.0 * (self._likelihood.highest - np.log(0.1)) + self._threshold
+        worst = 2.0 * (self._likelihood.highest - self._likelihood.lowest) + self._threshold
         return Gate(allowed, squared + surprise, worst)
 
     def _assign(self, gate: Gate) -> IntArray:

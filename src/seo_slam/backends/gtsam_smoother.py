@@ -15,6 +15,8 @@ from seo_slam.errors import OptimizationError, UnknownLandmarkError
 from seo_slam.geometry import FloatArray, adjoint, inverse, require_transform
 from seo_slam.types import Estimate, IntArray, Landmarks, Motion, Observations
 
+_JOINT_AT_ONCE = 40
+
 
 @dataclass(slots=True)
 class _LandmarkFactors:
@@ -114,10 +116,12 @@ class GtsamSmoother:
 
     def covariances(self, landmark_ids: IntArray) -> FloatArray:
         """See ``interfaces.Smoother``."""
-        for landmark_id in landmark_ids:
-            self._known(int(landmark_id))
-        blocks = [self._isam.marginalCovariance(L(int(i))) for i in landmark_ids]
-        return np.array(blocks, dtype=np.float64).reshape(len(landmark_ids), 3, 3)
+        out = np.zeros((len(landmark_ids), 3, 3))
+        for start in range(0, len(landmark_ids), _JOINT_AT_ONCE):  # jointly is several times faster than one by one
+            part = landmark_ids[start : start + _JOINT_AT_ONCE]
+            joint = self._joint(part)[6:, 6:].reshape(len(part), 3, len(part), 3)
+            out[start : start + len(part)] = joint[np.arange(len(part)), :, np.arange(len(part)), :]
+        return out
 
     def poses(self) -> FloatArray:
         """See ``interfaces.Smoother``."""
@@ -168,7 +172,7 @@ class GtsamSmoother:
         distance = float(np.linalg.norm(p_camera))
         direction = gtsam.Unit3(p_camera)
         J = np.vstack([direction.basis().T / distance, p_camera[None] / distance])
-        noise = gtsam.noiseModel.Gaussian.Covariance(J @ cov_camera @ J.T)
+        noise: gtsam.noiseModel.Base = gtsam.noiseModel.Gaussian.Covariance(J @ cov_camera @ J.T)
         if robust:
             loss = gtsam.noiseModel.mEstimator.Huber.Create(self._settings.huber_k)
             noise = gtsam.noiseModel.Robust.Create(loss, noise)
@@ -178,7 +182,6 @@ class GtsamSmoother:
         """Give ISAM2 the pending factors and values, and take factors out."""
         try:
             result = self._isam.update(self._new_graph, self._new_values, remove_indices)
-            self._isam.update()
         except RuntimeError as error:
             raise OptimizationError(f"keyframe {self._keyframes - 1}: GTSAM could not solve the graph: {error}") from error
         for owner, index in zip(self._new_owners, result.getNewFactorsIndices(), strict=True):

@@ -1,0 +1,72 @@
+"""Agents propose, the map disposes: an edit is applied only to the version it was made for, and only if the geometry allows it."""
+
+import numpy as np
+
+from seo_slam.errors import EditRefused
+from seo_slam.interfaces import Smoother
+from seo_slam.mapping.object_map import ObjectMap
+from seo_slam.records import Confirm, Edit, MapEvent, Merge, Relabel, Remove
+
+LONGEST_LABEL = 80
+
+
+def apply_edit(edit: Edit, object_map: ObjectMap, smoother: Smoother) -> MapEvent:
+    """Apply one edit to map and graph.
+
+    Returns:
+        The event for the history.
+
+    Raises:
+        EditRefused: an id is unknown, its version has changed since the agent saw it, the label is empty, or two landmarks to be merged
+            lie farther apart than their extents allow. Nothing has changed then.
+    """
+    match edit:
+        case Confirm(landmark_id, version, source):
+            _require_version(object_map, landmark_id, version)
+            return MapEvent("confirmed", landmark_id, object_map[landmark_id].label, source)
+        case Relabel(landmark_id, version, label, source):
+            _require_version(object_map, landmark_id, version)
+            clean = "".join(c for c in label if c.isprintable()).strip()[:LONGEST_LABEL]
+            if not clean:
+                raise EditRefused(f"landmark {landmark_id}: got an empty label")
+            before = object_map[landmark_id].label
+            object_map.relabel(landmark_id, clean)
+            return MapEvent("relabelled", landmark_id, f"{before} -> {clean}", source)
+        case Remove(landmark_id, version, source):
+            _require_version(object_map, landmark_id, version)
+            label = object_map[landmark_id].label
+            smoother.remove(landmark_id)
+            object_map.forget(landmark_id)
+            return MapEvent("removed", landmark_id, label, source)
+        case Merge(keep_id, keep_version, drop_id, drop_version, source):
+            if keep_id == drop_id:
+                raise EditRefused(f"landmark {keep_id} cannot be merged with itself")
+            _require_version(object_map, keep_id, keep_version)
+            _require_version(object_map, drop_id, drop_version)
+            _require_close(keep_id, drop_id, object_map, smoother)
+            return merge_landmarks(keep_id, drop_id, object_map, smoother, source)
+
+
+def merge_landmarks(keep_id: int, drop_id: int, object_map: ObjectMap, smoother: Smoother, source: str = "pipeline") -> MapEvent:
+    """Make two landmarks one, in graph and map; the event belongs to the one that goes."""
+    label = object_map[drop_id].label
+    smoother.merge(keep_id, drop_id)
+    object_map.merge(keep_id, drop_id)
+    return MapEvent("merged", drop_id, label, source, other_id=keep_id)
+
+
+def _require_version(object_map: ObjectMap, landmark_id: int, version: int) -> None:
+    if landmark_id not in object_map:
+        raise EditRefused(f"landmark {landmark_id} is not in the map (any more)")
+    now = object_map[landmark_id].version
+    if now != version:
+        raise EditRefused(f"landmark {landmark_id}: the edit is for version {version}, it is at {now} now")
+
+
+def _require_close(keep_id: int, drop_id: int, object_map: ObjectMap, smoother: Smoother) -> None:
+    ids, positions = smoother.positions()
+    where = {int(i): p for i, p in zip(ids, positions, strict=True)}
+    apart_m = float(np.linalg.norm(where[keep_id] - where[drop_id]))
+    reach_m = 0.5 * float(object_map[keep_id].size_m().max() + object_map[drop_id].size_m().max())
+    if apart_m > reach_m:
+        raise EditRefused(f"landmarks {keep_id} and {drop_id} lie {apart_m:.2f} m apart, their extents reach {reach_m:.2f} m")

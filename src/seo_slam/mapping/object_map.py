@@ -1,0 +1,244 @@
+"""What the map knows of each thing beside its position: words, looks, size, and whether to believe in it.
+
+Positions and their covariances live in the smoother; the object map asks for them when it shows itself.
+"""
+
+from collections import Counter
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from seo_slam.config import MapSettings
+from seo_slam.errors import UnknownLandmarkError
+from seo_slam.geometry import FloatArray, transform_points
+from seo_slam.interfaces import Smoother
+from seo_slam.perception.boxes import containment
+from seo_slam.records import MapEvent
+from seo_slam.types import IntArray, Landmark, LandmarkState, Observations, heaviest
+
+SIZES_KEPT = 50
+"""Extents remembered of each thing; their median is its size."""
+
+SEPARATE_CONTAINMENT = 0.3
+"""Boxes that share less than this part of the smaller one are separate."""
+
+PLACEHOLDER_SIGMA_M = 1.0
+
+
+@dataclass(slots=True, eq=False)
+class Thing:
+    """The mutable side of a landmark.
+
+    Attributes:
+        weights: word -> summed score of the observations that said it.
+        embedding_sum: (D,) score-weighted sum of label embeddings.
+        whole_sizes, cut_sizes: (3,) world extents seen in full, and cut by the image border.
+        box_px: (4,) where it was last seen, in the image of keyframe ``last_keyframe``.
+    """
+
+    id: int
+    first_seen_s: float
+    last_seen_s: float
+    embedding_sum: FloatArray
+    weights: dict[str, float] = field(default_factory=dict)
+    whole_sizes: list[FloatArray] = field(default_factory=list)
+    cut_sizes: list[FloatArray] = field(default_factory=list)
+    observations: int = 0
+    state: LandmarkState = "tentative"
+    version: int = 0
+    box_px: FloatArray | None = None
+    last_keyframe: int = -1
+    fixed_label: str | None = None
+
+    @property
+    def label(self) -> str:
+        """The word that an agent gave it, else the heaviest."""
+        return self.fixed_label if self.fixed_label is not None else heaviest(self.weights)
+
+    def distribution(self) -> dict[str, float]:
+        """Word -> share, heaviest first; an agent's word leads with at least half."""
+        total = sum(self.weights.values())
+        shares = {word: weight / total for word, weight in self.weights.items()} if total > 0 else {}
+        if self.fixed_label is not None:
+            shares = {word: 0.5 * share for word, share in shares.items()}
+            shares[self.fixed_label] = shares.get(self.fixed_label, 0.0) + 1.0 - sum(shares.values())
+        return dict(sorted(shares.items(), key=lambda item: (-item[1], item[0])))
+
+    def size_m(self) -> FloatArray:
+        """(3,) extents along the world's axes: the median of whole views, else the largest of the cut ones."""
+        if self.whole_sizes:
+            return np.median(self.whole_sizes, axis=0)
+        return np.max(self.cut_sizes, axis=0) if self.cut_sizes else np.zeros(3)
+
+    def embedding(self) -> FloatArray:
+        """(D,) unit vector, zeros while unnamed."""
+        norm = float(np.linalg.norm(self.embedding_sum))
+        return self.embedding_sum / norm if norm > 0 else self.embedding_sum.copy()
+
+
+class ObjectMap:
+    """All things, by id. Ids are never reused."""
+
+    def __init__(self, settings: MapSettings, embedding_size: int, next_id: int = 0) -> None:
+        """Start empty; ``next_id`` is the first id to give."""
+        self.settings = settings
+        self.embedding_size = embedding_size
+        self.next_id = next_id
+        self.things: dict[int, Thing] = {}
+        self.seen_apart: Counter[tuple[int, int]] = Counter()
+
+    def __contains__(self, landmark_id: int) -> bool:
+        return landmark_id in self.things
+
+    def __getitem__(self, landmark_id: int) -> Thing:
+        if landmark_id not in self.things:
+            raise UnknownLandmarkError(f"no landmark {landmark_id} in the map")
+        return self.things[landmark_id]
+
+    def restore(self, landmark: Landmark) -> None:
+        """Take over a landmark of a map that is continued; its words count as many observations as it had."""
+        self.things[landmark.id] = Thing(
+            id=landmark.id,
+            first_seen_s=landmark.first_seen_s,
+            last_seen_s=landmark.last_seen_s,
+            embedding_sum=landmark.embedding * landmark.observations,
+            weights={word: share * landmark.observations for word, share in landmark.labels.items()},
+            whole_sizes=[landmark.size_m.copy()],
+            observations=landmark.observations,
+            state=landmark.state,
+            version=landmark.version,
+        )
+        self.next_id = max(self.next_id, landmark.id + 1)
+
+    def new_ids(self, count: int) -> IntArray:
+        """Give ``count`` fresh ids."""
+        ids = np.arange(self.next_id, self.next_id + count, dtype=np.int64)
+        self.next_id += count
+        return ids
+
+    def integrate(
+        self,
+        observations: Observations,
+        landmark_ids: IntArray,
+        T_world_camera: FloatArray,
+        timestamp_s: float,
+        keyframe_id: int,
+    ) -> list[MapEvent]:
+        """Fold the observations (K rows) of one keyframe into the things ``landmark_ids`` (K,), all >= 0; new ids make new things."""
+        events = []
+        for row, landmark_id in enumerate(int(i) for i in landmark_ids):
+            if landmark_id not in self.things:
+                self.things[landmark_id] = Thing(landmark_id, timestamp_s, timestamp_s, np.zeros(self.embedding_size))
+                events.append(MapEvent("created", landmark_id, observations.labels[row] or ""))
+            events += self._integrate_one(self.things[landmark_id], observations, row, T_world_camera, timestamp_s, keyframe_id)
+        self._count_apart(landmark_ids, observations.boxes_px)
+        return events
+
+    def _integrate_one(
+        self,
+        thing: Thing,
+        observations: Observations,
+        row: int,
+        T_world_camera: FloatArray,
+        timestamp_s: float,
+        keyframe_id: int,
+    ) -> list[MapEvent]:
+        before = thing.label
+        label, score = observations.labels[row], float(observations.scores[row])
+        if label:
+            thing.weights[label] = thing.weights.get(label, 0.0) + score
+            thing.embedding_sum = thing.embedding_sum + score * observations.embeddings[row]
+        thing.observations += 1
+        thing.last_seen_s = timestamp_s
+        thing.box_px = observations.boxes_px[row]
+        thing.last_keyframe = keyframe_id
+        self._remember_size(thing, observations, row, T_world_camera)
+        events = []
+        if before and thing.label != before:
+            thing.version += 1
+            events.append(MapEvent("relabelled", thing.id, f"{before} -> {thing.label}"))
+        old_enough = thing.last_seen_s - thing.first_seen_s >= self.settings.stable_seconds - 1e-6
+        if thing.state == "tentative" and thing.observations >= self.settings.stable_observations and old_enough:
+            thing.state = "stable"
+            thing.version += 1
+            events.append(MapEvent("stable", thing.id, thing.label))
+        return events
+
+    def _remember_size(self, thing: Thing, observations: Observations, row: int, T_world_camera: FloatArray) -> None:
+        cloud = transform_points(T_world_camera, observations.clouds[row])
+        if not len(cloud):
+            return
+        low, high = np.percentile(cloud, (3.0, 97.0), axis=0)
+        kept = thing.cut_sizes if observations.truncated[row].any() else thing.whole_sizes
+        kept.append(np.asarray(high - low, dtype=np.float64))
+        del kept[:-SIZES_KEPT]
+
+    def _count_apart(self, landmark_ids: IntArray, boxes_px: FloatArray) -> None:
+        """Count pairs that were detected at once in boxes of their own: proof that they are two."""
+        inside = containment(boxes_px, boxes_px)
+        for a, b in zip(*np.nonzero(np.triu(inside < SEPARATE_CONTAINMENT, k=1)), strict=True):
+            low, high = sorted((int(landmark_ids[a]), int(landmark_ids[b])))
+            self.seen_apart[low, high] += 1
+
+    def times_apart(self, a: int, b: int) -> int:
+        """In how many keyframes two landmarks were detected at once, in separate boxes."""
+        return self.seen_apart[min(a, b), max(a, b)]
+
+    def merge(self, keep_id: int, drop_id: int) -> None:
+        """Fold what is known of ``drop_id`` into ``keep_id`` and forget the former."""
+        keep, drop = self[keep_id], self[drop_id]
+        for word, weight in drop.weights.items():
+            keep.weights[word] = keep.weights.get(word, 0.0) + weight
+        keep.embedding_sum = keep.embedding_sum + drop.embedding_sum
+        keep.whole_sizes += drop.whole_sizes
+        keep.cut_sizes += drop.cut_sizes
+        keep.observations += drop.observations
+        keep.first_seen_s = min(keep.first_seen_s, drop.first_seen_s)
+        keep.last_seen_s = max(keep.last_seen_s, drop.last_seen_s)
+        if "stable" in (keep.state, drop.state):
+            keep.state = "stable"
+        keep.version += 1
+        self.forget(drop_id)
+
+    def forget(self, landmark_id: int) -> None:
+        """Drop a thing; its id stays used."""
+        del self.things[self[landmark_id].id]
+        for pair in [pair for pair in self.seen_apart if landmark_id in pair]:
+            del self.seen_apart[pair]
+
+    def relabel(self, landmark_id: int, label: str) -> None:
+        """Set the word of a thing, whatever the detector says."""
+        thing = self[landmark_id]
+        thing.fixed_label = label
+        thing.version += 1
+
+    def rows(self, smoother: Smoother, landmark_ids: IntArray | None = None) -> list[Landmark]:
+        """Show landmarks (all by default), by rising id, with positions and covariances from the smoother."""
+        ids, positions = smoother.positions()
+        if landmark_ids is not None:
+            chosen = np.isin(ids, landmark_ids)
+            ids, positions = ids[chosen], positions[chosen]
+        covariances = smoother.covariances(ids)
+        return [self._row(int(i), positions[n], covariances[n]) for n, i in enumerate(ids)]
+
+    def rows_without_covariance(self, smoother: Smoother) -> list[Landmark]:
+        """Show all landmarks; for association, which takes the joint covariance from the smoother itself."""
+        placeholder = PLACEHOLDER_SIGMA_M**2 * np.eye(3)
+        return [self._row(int(i), p, placeholder) for i, p in zip(*smoother.positions(), strict=True)]
+
+    def _row(self, landmark_id: int, p_world: FloatArray, cov_world: FloatArray) -> Landmark:
+        thing = self[landmark_id]
+        return Landmark(
+            id=landmark_id,
+            label=thing.label,
+            labels=thing.distribution(),
+            position_m=p_world,
+            covariance_m2=0.5 * (cov_world + cov_world.T),
+            size_m=thing.size_m(),
+            embedding=thing.embedding(),
+            observations=thing.observations,
+            first_seen_s=thing.first_seen_s,
+            last_seen_s=thing.last_seen_s,
+            state=thing.state,
+            version=thing.version,
+        )
