@@ -6,19 +6,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from seo_slam import geometry
+from seo_slam.datasets.trajectory_files import read_trajectory
 from seo_slam.errors import EvaluationError
 from seo_slam.evaluation.trajectory import align, align_points, ape, associate_poses, rpe
 from seo_slam.records import Trajectory
-
-
-def read_tum(path):
-    rows = np.loadtxt(path)
-    rows = rows[np.r_[True, np.diff(rows[:, 0]) > 0]]  # the motion capture of fr2/desk gave one stamp twice
-    poses = np.tile(np.eye(4), (len(rows), 1, 1))
-    for pose, row in zip(poses, rows, strict=True):
-        pose[:3, :3] = geometry.rotation_from_quaternion(row[[7, 4, 5, 6]])
-        pose[:3, 3] = row[1:4]
-    return Trajectory(rows[:, 0], poses)
 
 
 def wavy(n=60, period_s=0.05, start_s=100.0):
@@ -43,7 +34,7 @@ def moved(trajectory, T):
 )
 def test_ape_of_published_trajectories(shared, estimate, truth, compared, estimates, rmse, mean, median, largest):
     folder = shared / "data/trajectories"
-    result = ape(read_tum(folder / estimate), read_tum(folder / truth))
+    result = ape(read_trajectory(folder / estimate), read_trajectory(folder / truth))
     assert result.protocol == "ape/1"
     assert (result.compared, result.estimates) == (compared, estimates)
     found = [result.rmse_m, result.mean_m, result.median_m, result.max_m]
@@ -53,8 +44,8 @@ def test_ape_of_published_trajectories(shared, estimate, truth, compared, estima
 def test_rpe_of_a_published_trajectory(shared):
     # evo_rpe -d 10 -u f --all_pairs, which takes the nearest true stamp, gives rmse 0.014041 and max 0.048023.
     folder = shared / "data/trajectories"
-    estimate = read_tum(folder / "freiburg1_xyz-rgbdslam.txt")
-    result = rpe(estimate, read_tum(folder / "freiburg1_xyz-groundtruth.txt"), step_frames=10)
+    estimate = read_trajectory(folder / "freiburg1_xyz-rgbdslam.txt")
+    result = rpe(estimate, read_trajectory(folder / "freiburg1_xyz-groundtruth.txt"), step_frames=10)
     assert result.rmse_m == pytest.approx(0.014041, rel=0.01)
     assert result.max_m == pytest.approx(0.048023, rel=0.02)
 

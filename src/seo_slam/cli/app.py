@@ -4,6 +4,7 @@ import sys
 
 import typer
 
+from seo_slam.cli import evaluate, export, query
 from seo_slam.errors import SeoSlamError
 
 app = typer.Typer(
@@ -13,6 +14,10 @@ app = typer.Typer(
     rich_markup_mode=None,
     help="Object-level semantic SLAM: RGB-D frames in, a map of things out.",
 )
+
+app.add_typer(evaluate.app, name="eval")
+app.command("query")(query.query)
+app.command("export")(export.export)
 
 
 def main() -> None:

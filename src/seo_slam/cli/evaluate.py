@@ -1,0 +1,163 @@
+"""``seo-slam eval``: score a trajectory or a map against what is true."""
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+import seo_slam
+from seo_slam.errors import ConfigError
+
+if TYPE_CHECKING:
+    from seo_slam.evaluation.labels import LabelRule
+    from seo_slam.evaluation.scores import LandmarksResult
+    from seo_slam.evaluation.trajectory import ApeResult, RpeResult
+
+app = typer.Typer(no_args_is_help=True, help="Score a trajectory or a map against what is true.")
+
+AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object.")]
+_NARROW_M = 0.05
+
+
+@app.command("trajectory")
+def trajectory(
+    estimate: Annotated[Path, typer.Argument(metavar="EST", help="Estimated trajectory, TUM format.")],
+    truth: Annotated[Path, typer.Argument(metavar="TRUTH", help="True trajectory, TUM format.")],
+    rpe_step_s: Annotated[float | None, typer.Option("--rpe-step", help="Also give the relative error over this many seconds.")] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Absolute pose error after SE(3) alignment (protocol ape/1)."""
+    from seo_slam.datasets.trajectory_files import read_trajectory
+    from seo_slam.evaluation.trajectory import ape, rpe
+
+    estimated, true = read_trajectory(estimate), read_trajectory(truth)
+    result = ape(estimated, true)
+    relative = rpe(estimated, true, step_s=rpe_step_s) if rpe_step_s is not None else None
+    if as_json:
+        content = {**result.as_dict(), "estimate": str(estimate), "truth": str(truth)}
+        if relative:
+            content["rpe"] = relative.as_dict()
+        _print_json(content)
+    else:
+        typer.echo("\n".join(_trajectory_lines(result, relative)))
+
+
+@app.command("landmarks")
+def landmarks(
+    map_folder: Annotated[Path, typer.Argument(metavar="MAP", help="Result folder of a run.")],
+    truth_file: Annotated[Path, typer.Argument(metavar="TRUTH", help="True objects, JSON.")],
+    radius_m: Annotated[float, typer.Option("--radius", help="Matching radius, metres.")] = 0.2,
+    labels: Annotated[
+        str, typer.Option("--labels", help="When labels agree: exact, synonyms:FILE or geometry (labels ignored).")
+    ] = "exact",
+    align_files: Annotated[
+        tuple[Path, Path] | None,
+        typer.Option("--align", metavar="EST TRUTH", help="Move the map by the SE(3) that aligns these two trajectories."),
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Precision, recall and F1 of a map's stable landmarks (protocol landmarks/1)."""
+    from seo_slam.evaluation.landmarks import evaluate_landmarks, moved
+    from seo_slam.evaluation.truth import read_truth
+    from seo_slam.map import Map
+
+    rule = _label_rule(labels)
+    truth = read_truth(truth_file)
+    found = tuple(Map.load(map_folder).landmarks)
+    aligned: ApeResult | None = None
+    if align_files:
+        from seo_slam.datasets.trajectory_files import read_trajectory
+        from seo_slam.evaluation.trajectory import ape
+
+        aligned = ape(read_trajectory(align_files[0]), read_trajectory(align_files[1]))
+        found = moved(found, aligned.T_truth_estimate)
+    result = evaluate_landmarks(found, truth, rule, radius_m)
+    if as_json:
+        content = {**result.as_dict(), "map": str(map_folder), "truth": str(truth_file)}
+        content["alignment"] = aligned.as_dict() if aligned else None
+        _print_json(content)
+    else:
+        typer.echo("\n".join(_landmark_lines(result, aligned)))
+
+
+def _label_rule(text: str) -> "LabelRule":
+    from seo_slam.evaluation.labels import LabelRule
+    from seo_slam.evaluation.truth import read_synonyms
+
+    kind, _, file = text.partition(":")
+    if kind == "synonyms" and file:
+        return LabelRule.synonyms(read_synonyms(file), file)
+    if text == "exact":
+        return LabelRule.exact()
+    if text == "geometry":
+        return LabelRule.geometry()
+    raise ConfigError(f"--labels: got {text!r}, wanted exact, synonyms:FILE or geometry")
+
+
+def _print_json(content: dict[str, Any]) -> None:
+    typer.echo(json.dumps({**content, "seo_slam_version": seo_slam.__version__}, indent=1))
+
+
+def _trajectory_lines(result: "ApeResult", relative: "RpeResult | None") -> list[str]:
+    lines = [
+        f"protocol {result.protocol}: translation part after SE(3) alignment, no scale; truth interpolated, "
+        f"nearest true stamp within {result.association_s * 1e3:g} ms",
+        f"compared {result.compared} of {result.estimates} estimated poses",
+    ]
+    for name, value in (("rmse", result.rmse_m), ("mean", result.mean_m), ("median", result.median_m), ("max", result.max_m)):
+        lines.append(f"  {name:<8}{value:.6f} m")
+    if relative:
+        lines.append(
+            f"protocol {relative.protocol}: over {relative.step}, {relative.compared} steps: "
+            f"rmse {relative.rmse_m:.6f} m, {relative.rmse_deg:.4f} degrees; max {relative.max_m:.6f} m, {relative.max_deg:.4f} degrees"
+        )
+    return lines + _narrow_path(result)
+
+
+def _landmark_lines(result: "LandmarksResult", aligned: "ApeResult | None") -> list[str]:
+    score = result.score
+    lines = [
+        f"protocol {result.protocol}, radius {result.radius_m:g} m (or half the smaller horizontal extent), labels {result.label_rule}",
+        f"G = {score.objects} objects present when the recording ends; {score.landmarks} stable landmarks "
+        f"({result.tentative} tentative left out)",
+    ]
+    if aligned:
+        lines.append(f"map moved by the SE(3) of two trajectories ({aligned.compared} poses compared, rmse {aligned.rmse_m:.4f} m)")
+        lines += _narrow_path(aligned)
+    lines.append(
+        f"precision {score.precision:.3f}  recall {score.recall:.3f}  F1 {score.f1:.3f}  false positives {score.false_positives}, "
+        f"of which duplicates {result.duplicates}, ghosts {result.ghosts}"
+    )
+    if score.visible_objects is not None:
+        lines.append(f"of {score.visible_objects} objects in view for 5 keyframes or more: {score.visible_matched} matched")
+    lines += ["", "radius  matched  precision  recall  F1"]
+    lines += [f"{row.radius_m:<7g} {row.matched:<8} {row.precision:<10.3f} {row.recall:<7.3f} {row.f1:.3f}" for row in result.sweep]
+    lines += ["", f"matched ({len(result.matched)})"]
+    lines += [
+        f"  {pair.object_id} ({pair.object_label}) = landmark {pair.landmark_id} ({pair.label}), {pair.distance_m:.3f} m"
+        for pair in result.matched
+    ]
+    lines.append(f"missing ({len(result.missing)})")
+    for gone in result.missing:
+        near = (
+            f"; nearest is landmark {gone.nearest_landmark_id} ({gone.nearest_label}), {gone.nearest_m:.3f} m"
+            if gone.nearest_label is not None
+            else ""
+        )
+        lines.append(f"  {gone.object_id} ({gone.object_label}){near}")
+    lines.append(f"extra ({len(result.extra)})")
+    for item in result.extra:
+        what = f"{item.kind} of {item.of}" if item.of else f"nearest is {item.nearest_object_id}, {item.nearest_m:.3f} m"
+        x, y, z = item.position_m
+        lines.append(f"  landmark {item.landmark_id} ({item.label}) at {x:.2f} {y:.2f} {z:.2f}: {what}")
+    return lines
+
+
+def _narrow_path(result: "ApeResult") -> list[str]:
+    if result.spread_m[1] >= _NARROW_M:
+        return []
+    return [
+        f"note: the path is nearly a line (spread {result.spread_m[0]:.3f} and {result.spread_m[1]:.3f} m), "
+        "so the rotation about it is poorly known"
+    ]
