@@ -45,7 +45,7 @@ def trajectory(
 
 @app.command("landmarks")
 def landmarks(
-    map_folder: Annotated[Path, typer.Argument(metavar="MAP", help="Result folder of a run.")],
+    map_folder: Annotated[Path, typer.Argument(metavar="MAP", help="Folder of a result, or its map.json or map.db.")],
     truth_file: Annotated[Path, typer.Argument(metavar="TRUTH", help="True objects, JSON.")],
     radius_m: Annotated[float, typer.Option("--radius", help="Matching radius, metres.")] = 0.2,
     labels: Annotated[
@@ -64,7 +64,8 @@ def landmarks(
 
     rule = _label_rule(labels)
     truth = read_truth(truth_file)
-    found = tuple(Map.load(map_folder).landmarks)
+    loaded = Map.load(map_folder)
+    found = (*loaded.landmarks, *loaded.tentative)
     aligned: ApeResult | None = None
     if align_files:
         from seo_slam.datasets.trajectory_files import read_trajectory
@@ -135,13 +136,13 @@ def _landmark_lines(result: "LandmarksResult", aligned: "ApeResult | None") -> l
     lines += [f"{row.radius_m:<7g} {row.matched:<8} {row.precision:<10.3f} {row.recall:<7.3f} {row.f1:.3f}" for row in result.sweep]
     lines += ["", f"matched ({len(result.matched)})"]
     lines += [
-        f"  {pair.object_id} ({pair.object_label}) = landmark {pair.landmark_id} ({pair.label}), {pair.distance_m:.3f} m"
+        f"  {pair.object_id} ({pair.object_label}) = landmark {pair.landmark_id} ({_printable(pair.label)}), {pair.distance_m:.3f} m"
         for pair in result.matched
     ]
     lines.append(f"missing ({len(result.missing)})")
     for gone in result.missing:
         near = (
-            f"; nearest is landmark {gone.nearest_landmark_id} ({gone.nearest_label}), {gone.nearest_m:.3f} m"
+            f"; nearest is landmark {gone.nearest_landmark_id} ({_printable(gone.nearest_label)}), {gone.nearest_m:.3f} m"
             if gone.nearest_label is not None
             else ""
         )
@@ -150,8 +151,13 @@ def _landmark_lines(result: "LandmarksResult", aligned: "ApeResult | None") -> l
     for item in result.extra:
         what = f"{item.kind} of {item.of}" if item.of else f"nearest is {item.nearest_object_id}, {item.nearest_m:.3f} m"
         x, y, z = item.position_m
-        lines.append(f"  landmark {item.landmark_id} ({item.label}) at {x:.2f} {y:.2f} {z:.2f}: {what}")
+        lines.append(f"  landmark {item.landmark_id} ({_printable(item.label)}) at {x:.2f} {y:.2f} {z:.2f}: {what}")
     return lines
+
+
+def _printable(label: str) -> str:
+    """A label comes from a detector or a language model: it must not steer the terminal."""
+    return "".join(c if c.isprintable() else "?" for c in label)
 
 
 def _narrow_path(result: "ApeResult") -> list[str]:
