@@ -76,9 +76,7 @@ class MapSettings(Settings):
     stable_observations: int = Field(3, ge=1, description="keyframes that a tentative landmark must be seen in")
     stable_seconds: float = Field(0.3, ge=0, description="and over at least this long")
     merge_duplicates: bool = Field(True, description="fold landmarks that are unambiguously one")
-    separate_frames: int = Field(
-        3, ge=1, description="frames with separate detections of both that prove two landmarks to be two"
-    )
+    separate_frames: int = Field(3, ge=1, description="frames with separate detections of both that prove two landmarks to be two")
 
 
 class Config(Settings):
@@ -129,6 +127,14 @@ class Config(Settings):
             ConfigError: it is missing, is neither, does not parse, or holds a bad setting.
         """
         return cls.from_dict(read_settings(path), str(path))
+
+    def updated(self, values: Mapping[str, Any], source: str) -> Self:
+        """Return a copy in which the given settings win, key by key.
+
+        Raises:
+            ConfigError: a bad key or value; the message begins with ``source``.
+        """
+        return self.from_dict(_merged(self.model_dump(), values), source)
 
     def with_settings(self, assignments: Iterable[str]) -> Self:
         """Return a copy with ``key.sub=value`` assignments made; a value is JSON, else taken as text.
@@ -184,6 +190,14 @@ def read_settings(path: str | Path) -> dict[str, Any]:
     except Exception as error:  # tomllib and yaml have errors of their own
         raise ConfigError(f"{file}: does not parse: {error}") from error
     raise ConfigError(f"{file}: got suffix {file.suffix!r}, wanted .toml, .yaml or .yml")
+
+
+def _merged(below: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any]:
+    out = dict(below)
+    for key, value in above.items():
+        old = out.get(key)
+        out[key] = _merged(old, value) if isinstance(old, Mapping) and isinstance(value, Mapping) else value
+    return out
 
 
 def _value(raw: str) -> Any:

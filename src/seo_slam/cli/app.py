@@ -4,7 +4,7 @@ import sys
 
 import typer
 
-from seo_slam.cli import evaluate, export, query
+from seo_slam.cli import doctor, evaluate, export, query, run
 from seo_slam.errors import SeoSlamError
 
 app = typer.Typer(
@@ -15,7 +15,9 @@ app = typer.Typer(
     help="Object-level semantic SLAM: RGB-D frames in, a map of things out.",
 )
 
+app.command("run")(run.run)
 app.add_typer(evaluate.app, name="eval")
+app.command("doctor")(doctor.doctor)
 app.command("query")(query.query)
 app.command("export")(export.export)
 

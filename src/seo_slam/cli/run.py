@@ -1,0 +1,140 @@
+"""``seo-slam run``: map a recording."""
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from seo_slam.cli.progress import with_progress
+from seo_slam.config import Component, Config, read_settings
+from seo_slam.errors import ConfigError
+
+if TYPE_CHECKING:
+    from seo_slam.datasets.recording import Recording
+    from seo_slam.records import StepResult
+    from seo_slam.run_recording import FinishedRun
+
+_HELP_SET = "Change one setting, e.g. --set keyframes.period_s=0.25; may be given often. `seo-slam doctor --settings` lists them."
+
+
+def run(
+    dataset: Annotated[str, typer.Argument(metavar="DATASET", help="What PATH is: tum, folder, or auto.")],
+    path: Annotated[Path, typer.Argument(metavar="PATH", help="Folder of the recording.")],
+    out: Annotated[Path, typer.Option(help="Folder to write the result to.")],
+    preset: Annotated[str, typer.Option(help="Named configuration.")] = "seo_slam",
+    config: Annotated[Path | None, typer.Option(help="TOML or YAML file; its settings win over the preset's.")] = None,
+    detector: Annotated[str | None, typer.Option(help="yolox, recorded, none, or module:Class.")] = None,
+    weights: Annotated[Path | None, typer.Option(help="Weights of the detector.")] = None,
+    score: Annotated[float | None, typer.Option(min=0, max=1, help="Least score of a detection.")] = None,
+    detections: Annotated[Path | None, typer.Option(help="JSON lines for --detector recorded.")] = None,
+    record_detections: Annotated[Path | None, typer.Option(help="Write all detections to this file.")] = None,
+    odometry: Annotated[str | None, typer.Option(help="recorded (default where there are poses), visual, or module:Class.")] = None,
+    trajectory: Annotated[Path | None, typer.Option(help="Poses for --odometry recorded (TUM text).")] = None,
+    initial_pose: Annotated[
+        str | None, typer.Option(help="First camera of --odometry visual: 'tx ty tz qx qy qz qw', or a file with 4x4 numbers.")
+    ] = None,
+    camera: Annotated[Path | None, typer.Option(help="camera.json with the intrinsics.")] = None,
+    settings: Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help=_HELP_SET)] = None,
+    max_frames: Annotated[int | None, typer.Option(min=1, help="Read at most so many frames.")] = None,
+    stride: Annotated[int, typer.Option(min=1, help="Read every so many-th frame.")] = 1,
+    continue_map: Annotated[Path | None, typer.Option("--continue", metavar="MAP", help="Start from the map of an older run.")] = None,
+    overwrite: Annotated[bool, typer.Option(help="Replace a result that is already in --out.")] = False,
+    skip_broken: Annotated[bool, typer.Option(help="Leave damaged images out instead of refusing the recording.")] = False,
+    print_keyframes: Annotated[bool, typer.Option(help="Print the id of every keyframe once it is committed.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print run.json instead of a summary.")] = False,
+) -> None:
+    """Map the recording at PATH and write map.json, map.db, trajectory.txt, run.json and report.html to --out."""
+    from seo_slam.datasets.open import open_dataset
+    from seo_slam.map import Map
+    from seo_slam.pipeline import Pipeline
+    from seo_slam.run_files import prepare_folder
+    from seo_slam.run_recording import run_recording
+
+    chosen = _settings(preset, config, settings or [])
+    options = {"camera_file": camera, "trajectory_file": trajectory, "skip_broken": skip_broken}
+    recording = open_dataset(dataset, path, stride=stride, max_frames=max_frames, **options)
+    for warning in recording.warnings:
+        typer.echo(f"warning: {warning}", err=True)
+    chosen = _with_detector(chosen, detector, weights, score, detections)
+    chosen = _with_odometry(chosen, odometry, initial_pose, recording)
+    in_use = chosen.odometry
+    if in_use.name == "recorded" and "trajectory" not in in_use.options:
+        in_use = Component(name="recorded", options={**in_use.options, "trajectory": recording.trajectory})
+    # All that can be wrong with the caller's input has to show before the first byte is written.
+    in_memory = Pipeline(chosen, odometry=in_use, store="memory")
+    if hasattr(in_memory.parts.detector, "check_against"):
+        in_memory.parts.detector.check_against(recording.camera)
+    old = Map.load(continue_map) if continue_map is not None else None
+    folder = prepare_folder(out, overwrite)
+    parts: dict[str, Any] = {name: getattr(in_memory.parts, name) for name in ("detector", "odometry", "embedder")}
+    pipeline = Pipeline(chosen, store=Component(name="sqlite", options={"path": folder / "map.db"}), map=old, **parts)
+    finished = run_recording(
+        with_progress(recording, len(recording), "mapping"),
+        pipeline,
+        folder,
+        dataset=f"{recording.kind} {recording.path.name}",
+        record_detections=record_detections,
+        on_step=_print_keyframe if print_keyframes else None,
+    )
+    typer.echo(json.dumps(finished.run, indent=2, sort_keys=True) if as_json else _summary(finished, folder))
+
+
+def _settings(preset: str, file: Path | None, assignments: list[str]) -> Config:
+    if file is None:
+        return Config.preset(preset).with_settings(assignments)
+    return Config.preset(preset).updated(read_settings(file), str(file)).with_settings(assignments)
+
+
+def _with_detector(config: Config, name: str | None, weights: Path | None, score: float | None, detections: Path | None) -> Config:
+    chosen = Component(name=name) if name is not None and name != config.detector.name else config.detector
+    extra: dict[str, Any] = {}
+    if weights is not None:
+        extra["weights"] = str(weights)
+    if detections is not None:
+        if chosen.name != "recorded":
+            raise ConfigError(f"--detections goes with --detector recorded, got --detector {chosen.name}")
+        extra["path"] = str(detections)
+    if chosen.name == "yolox" and "weights" not in {**chosen.options, **extra}:
+        raise ConfigError("--detector yolox needs --weights FILE (a YOLOX model in ONNX form)")
+    if chosen.name == "recorded" and "path" not in {**chosen.options, **extra}:
+        raise ConfigError("--detector recorded needs --detections FILE (JSON lines, as --record-detections writes them)")
+    if score is not None:
+        extra["score"] = score
+    return config.updated({"detector": {"name": chosen.name, "options": {**chosen.options, **extra}}}, "--detector")
+
+
+def _with_odometry(config: Config, name: str | None, initial_pose: str | None, recording: "Recording") -> Config:
+    from seo_slam.datasets.initial_pose import read_initial_pose
+
+    if name is None:
+        name = config.odometry.name if config.odometry.options or recording.trajectory is not None else "visual"
+    options = dict(config.odometry.options) if name == config.odometry.name else {}
+    if name == "recorded" and "trajectory" not in options and recording.trajectory is None:
+        raise ConfigError(f"--odometry recorded: {recording.path} has no odometry.txt or groundtruth.txt; give --trajectory FILE")
+    if initial_pose is not None:
+        if name == "recorded":
+            raise ConfigError("--initial-pose goes with --odometry visual: recorded poses already say where the first camera is")
+        options["initial_pose"] = read_initial_pose(initial_pose).tolist()
+    return config.model_copy(update={"odometry": Component(name=name, options=options)})
+
+
+def _print_keyframe(step: "StepResult") -> None:
+    if step.keyframe_id is not None:
+        typer.echo(f"keyframe {step.keyframe_id}")
+
+
+def _summary(finished: "FinishedRun", folder: Path) -> str:
+    counts = finished.run["counts"]
+    lines = [
+        f"{counts['frames']} frames, {counts['keyframes']} keyframes, {counts['lost_frames']} lost; "
+        f"{counts['landmarks_stable']} landmarks ({counts['landmarks_tentative']} more seen too seldom to be trusted)"
+    ]
+    if not finished.complete:
+        lines.insert(0, "interrupted: the result holds what was seen until then")
+    for landmark in finished.result.map.landmarks:
+        x, y, z = landmark.position_m
+        lines.append(f"  {landmark.id:4d}  {landmark.label or '?':<24} {x:7.2f} {y:7.2f} {z:7.2f} m   seen {landmark.observations} x")
+    lines += [f"warning: {warning['message']} ({warning['count']} x)" for warning in finished.run["warnings"]]
+    lines.append(f"report: {folder / 'report.html'}")
+    return "\n".join(lines)

@@ -1,0 +1,365 @@
+"""SEO-SLAM's main loop: one frame in, one result out, nothing else happens (paper III-A, III-B)."""
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import numpy as np
+
+from seo_slam.association.label_likelihood import LabelLikelihood
+from seo_slam.composition import Parts, compose
+from seo_slam.config import Config
+from seo_slam.errors import AgentError, EditRefused, FrameError
+from seo_slam.geometry import FloatArray, compose_motion
+from seo_slam.interfaces import AgentView
+from seo_slam.map import Map
+from seo_slam.mapping.duplicates import duplicate_pairs, projected_box
+from seo_slam.mapping.edits import apply_edit, merge_landmarks
+from seo_slam.mapping.keyframes import is_keyframe
+from seo_slam.mapping.object_map import ObjectMap
+from seo_slam.perception.adapters import to_detections
+from seo_slam.perception.lifting import observe
+from seo_slam.records import KeyframeRecord, MapEvent, StepResult, Trajectory
+from seo_slam.stages import StageClock
+from seo_slam.types import NEW, REJECTED, Association, Detections, Estimate, Frame, IntArray, Landmarks, Motion, Observations
+
+LEVEL_FIRST_CAMERA = np.array([[1.0, 0, 0, 0], [0, 0, 1.0, 0], [0, -1.0, 0, 0], [0, 0, 0, 1.0]])
+"""T_world_camera of a first camera of unknown pose: at the origin, looking along y, its image upright (z up if it is held level)."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RunResult:
+    """What a run made.
+
+    Attributes:
+        map: the things.
+        trajectory: a pose for every frame, as estimated at the end.
+        frames, keyframes: how many.
+        lost_frames: frames whose motion odometry could not measure.
+        detections, observations: how many were made, and how many of them could be placed in 3D.
+        warnings: message -> how often.
+        seconds: stage -> (number, p50, p95, max, total) of its seconds.
+        events: (keyframe_id, event) in order.
+    """
+
+    map: Map
+    trajectory: Trajectory
+    frames: int
+    keyframes: int
+    lost_frames: int
+    detections: int
+    observations: int
+    warnings: Mapping[str, int]
+    seconds: Mapping[str, Mapping[str, float]]
+    events: tuple[tuple[int, MapEvent], ...]
+
+
+@dataclass(slots=True)
+class _Counts:
+    frames: int = 0
+    lost_frames: int = 0
+    detections: int = 0
+    observations: int = 0
+    warnings: dict[str, int] = field(default_factory=dict)
+    events: list[tuple[int, MapEvent]] = field(default_factory=list)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _KeyframeOutcome:
+    detections: Detections
+    observations: Observations
+    association: Association
+    landmark_ids: IntArray
+    events: tuple[MapEvent, ...]
+
+
+class Pipeline:
+    """Odometry every frame; detection, lifting, association, smoothing and the object map on keyframes.
+
+    Every part can be an object, a registered name, "module:Class", or come from the configuration:
+
+        with Pipeline(detector=my_detector, odometry=my_odometry) as pipeline:
+            for result in pipeline.stream(frames):
+                ...
+            print(pipeline.result().map.landmarks)
+
+    Args:
+        config: a ``Config``, a nested mapping of its settings, or None for the defaults.
+        detector, odometry, associator, smoother, embedder, store: see ``interfaces``.
+        agents: asked after every keyframe, in this order, in the caller's thread.
+        map: an older map to continue; the first camera must be placed in its frame (recorded poses, or an initial pose).
+
+    Raises:
+        ConfigError, UnknownBackendError, MissingBackendError: a part cannot be made.
+    """
+
+    def __init__(
+        self,
+        config: Config | Mapping[str, Any] | None = None,
+        *,
+        detector: Any = None,
+        odometry: Any = None,
+        associator: Any = None,
+        smoother: Any = None,
+        embedder: Any = None,
+        store: Any = None,
+        agents: Sequence[Any] | None = None,
+        map: Map | None = None,
+    ) -> None:
+        self.config = config if isinstance(config, Config) else Config.from_dict(config or {})
+        given = {
+            "detector": detector,
+            "odometry": odometry,
+            "associator": associator,
+            "smoother": smoother,
+            "embedder": embedder,
+            "store": store,
+        }
+        self.parts: Parts = compose(self.config, given, agents)
+        self._likelihood = LabelLikelihood(self.parts.embedder)
+        self._old_map = map
+        self._objects = ObjectMap(self.config.map, self.parts.embedder.size, map.next_id if map is not None else 0)
+        self.clock = StageClock()
+        self._counts = _Counts()
+        self._since_keyframe: Motion | None = None
+        self._keyframe_stamp_s = 0.0
+        self._last_stamp_s = -np.inf
+        self._keyframes = 0
+        self._first_keyframe_id = self._next_keyframe_id()
+        self._path: list[tuple[float, int, FloatArray]] = []  # stamp, keyframe, T_keyframe_frame
+        self._gravity = "unknown"
+
+    @classmethod
+    def from_preset(cls, name: str, **parts: Any) -> Self:
+        """Compose a preset: "seo_slam" is the default, "seo_slam_paper_gate" the paper's fixed cosine, "nearest" the baseline."""
+        return cls(Config.preset(name), **parts)
+
+    @classmethod
+    def from_file(cls, path: str | Path, **parts: Any) -> Self:
+        """Compose what a TOML or YAML file says."""
+        return cls(Config.from_file(path), **parts)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Release the store. The result can still be asked for."""
+        self.parts.store.close()
+
+    def stream(self, frames: Iterable[Frame]) -> Iterator[StepResult]:
+        """Yield the result of each frame as it is done."""
+        for frame in frames:
+            yield self.step(frame)
+
+    def step(self, frame: Frame) -> StepResult:
+        """Process one frame.
+
+        Raises:
+            FrameError: time does not rise, or a detector returned what cannot be. Nothing has changed then.
+            OptimizationError: the factor graph has no solution.
+        """
+        if frame.timestamp_s <= self._last_stamp_s:
+            raise FrameError(f"frame {frame.index}: time goes backwards, t={frame.timestamp_s} after t={self._last_stamp_s}")
+        self._last_stamp_s = frame.timestamp_s
+        clock = self.clock
+        clock.start_frame()
+        warnings: list[str] = []
+        with clock.stage("odometry"):
+            motion = self.parts.odometry.update(frame)
+        if motion.status == "lost":
+            self._counts.lost_frames += 1
+            warnings.append(f"odometry is lost: {motion.message or 'no reason given'}")
+        T_world_camera, outcome = LEVEL_FIRST_CAMERA, None
+        if self._path or motion.status == "ok":
+            T_world_camera, outcome = self._advance(frame, motion, warnings)
+        else:
+            warnings.append("left out: odometry has not found its first pose yet")
+        self._counts.frames += 1
+        for warning in warnings:
+            self._counts.warnings[warning] = self._counts.warnings.get(warning, 0) + 1
+        return StepResult(
+            index=frame.index,
+            timestamp_s=frame.timestamp_s,
+            T_world_camera=T_world_camera,
+            odometry_status=motion.status,
+            keyframe_id=self._first_keyframe_id + self._keyframes - 1 if outcome else None,
+            detections=outcome.detections if outcome else None,
+            observations=outcome.observations if outcome else None,
+            association=outcome.association if outcome else None,
+            landmark_ids=outcome.landmark_ids if outcome else None,
+            events=outcome.events if outcome else (),
+            warnings=tuple(warnings),
+            seconds=clock.end_frame(),
+        )
+
+    def _advance(self, frame: Frame, motion: Motion, warnings: list[str]) -> tuple[FloatArray, _KeyframeOutcome | None]:
+        """Move the camera, and map if the frame is a keyframe; return ``T_world_camera`` and what the keyframe did."""
+        first = not self._path
+        if first:
+            self._start(motion)
+        else:
+            self._since_keyframe = _composed(self._since_keyframe, motion)
+        since, outcome = self._since_keyframe, None
+        elapsed_s = frame.timestamp_s - self._keyframe_stamp_s
+        if first or (since is not None and is_keyframe(since.T_previous_current, elapsed_s, self.config.keyframes)):
+            outcome = self._keyframe(frame, since, warnings)
+        T_keyframe_frame = np.eye(4) if self._since_keyframe is None else self._since_keyframe.T_previous_current
+        self._path.append((frame.timestamp_s, self._keyframes - 1, T_keyframe_frame))
+        return self._estimate.T_world_camera @ T_keyframe_frame, outcome
+
+    def result(self) -> RunResult:
+        """Return the map and trajectory so far; can be asked for at any time."""
+        counts = self._counts
+        poses = self.parts.smoother.poses() if self._path else np.zeros((0, 4, 4))
+        all_poses = [poses[keyframe] @ T for _, keyframe, T in self._path]
+        return RunResult(
+            map=self.snapshot(),
+            trajectory=Trajectory(
+                timestamps_s=np.array([stamp for stamp, _, _ in self._path], dtype=np.float64),
+                T_world_camera=np.array(all_poses, dtype=np.float64).reshape(len(all_poses), 4, 4),
+            ),
+            frames=counts.frames,
+            keyframes=self._keyframes,
+            lost_frames=counts.lost_frames,
+            detections=counts.detections,
+            observations=counts.observations,
+            warnings=dict(counts.warnings),
+            seconds=self.clock.summary(),
+            events=tuple(counts.events),
+        )
+
+    def snapshot(self) -> Map:
+        """Return an immutable copy of the map as it is now."""
+        if not self._path and self._old_map is not None:
+            return self._old_map
+        rows = self._objects.rows(self.parts.smoother) if self._path else []
+        return Map(rows, self._gravity, self.parts.embedder.name, self._objects.next_id)  # type: ignore[arg-type]  # one of two words
+
+    def _next_keyframe_id(self) -> int:
+        kept = self.parts.store.keyframe_ids()
+        return int(kept[-1]) + 1 if len(kept) else 0
+
+    def _start(self, motion: Motion) -> None:
+        """Place the first camera, and the landmarks of a map that is continued."""
+        placed = motion.T_world_camera is not None
+        self._gravity = "poses" if placed else "unknown"
+        T_world_camera = motion.T_world_camera if motion.T_world_camera is not None else LEVEL_FIRST_CAMERA
+        sigmas = [np.radians(self.config.graph.first_pose_sigma_deg)] * 3 + [self.config.graph.first_pose_sigma_m] * 3
+        old = None
+        if self._old_map is not None:
+            rows = [*self._old_map.landmarks, *self._old_map.tentative]
+            for row in rows:
+                self._objects.restore(row)
+            old = Landmarks.from_rows(rows)
+        self._estimate: Estimate = self.parts.smoother.start(T_world_camera, np.diag(np.square(sigmas)), old)
+        for key, value in (("gravity", self._gravity), ("embedder", self.parts.embedder.name)):
+            if hasattr(self.parts.store, "set_meta"):
+                self.parts.store.set_meta(key, value)
+
+    def _keyframe(self, frame: Frame, motion: Motion | None, warnings: list[str]) -> _KeyframeOutcome:
+        """Detect, lift, associate, smooth, map, edit, keep."""
+        clock, parts = self.clock, self.parts
+        keyframe_id = self._first_keyframe_id + self._keyframes
+        with clock.stage("detect"):
+            detections = to_detections(parts.detector.detect(frame), frame, type(parts.detector).__name__)
+        if not len(detections):
+            warnings.append("no detections")
+        with clock.stage("observe"):
+            observations = Observations.empty(parts.embedder.size)
+            if frame.has_depth:
+                observations, left_out = observe(detections, frame, self.config.lifting, parts.embedder)
+                warnings += left_out
+            else:
+                warnings.append("the frame has no depth, its detections cannot be placed")
+        with clock.stage("associate"):
+            predicted = self._estimate if motion is None else parts.smoother.predict(motion)
+            known = Landmarks.from_rows(self._objects.rows_without_covariance(parts.smoother), parts.embedder.size)
+            association = parts.associator.associate(observations, known, predicted)
+            landmark_ids = association.landmark_ids.copy()
+            landmark_ids[landmark_ids == NEW] = self._objects.new_ids(int((landmark_ids == NEW).sum()))
+            used = landmark_ids != REJECTED
+        with clock.stage("smooth"):
+            self._estimate = parts.smoother.update(motion, observations[used], landmark_ids[used])
+        self._keyframes += 1
+        self._keyframe_stamp_s = frame.timestamp_s
+        self._since_keyframe = None
+        with clock.stage("map"):
+            events = self._objects.integrate(
+                observations[used], landmark_ids[used], self._estimate.T_world_camera, frame.timestamp_s, keyframe_id
+            )
+            if self.config.map.merge_duplicates:
+                events += self._merge_duplicates(frame, landmark_ids[used])
+        if parts.agents:
+            with clock.stage("agents"):
+                events += self._ask_agents(frame, warnings)
+        with clock.stage("store"):
+            self._keep(keyframe_id, frame, motion, observations[used], landmark_ids[used], events)
+        self._counts.detections += len(detections)
+        self._counts.observations += len(observations)
+        self._counts.events += [(keyframe_id, event) for event in events]
+        return _KeyframeOutcome(detections, observations, association, landmark_ids, tuple(events))
+
+    def _merge_duplicates(self, frame: Frame, seen_now: IntArray) -> list[MapEvent]:
+        rows = self._objects.rows_without_covariance(self.parts.smoother)
+        pairs = duplicate_pairs(rows, seen_now, self._objects, self._likelihood, self._estimate.T_world_camera, frame.camera)
+        return [merge_landmarks(keep_id, drop_id, self._objects, self.parts.smoother) for keep_id, drop_id in pairs]
+
+    def _ask_agents(self, frame: Frame, warnings: list[str]) -> list[MapEvent]:
+        events = []
+        for agent in self.parts.agents:
+            rows = [row for row in self._objects.rows(self.parts.smoother) if row.state == "stable"]
+            T = self._estimate.T_world_camera
+            boxes = {row.id: projected_box(row, T, frame.camera) for row in rows}
+            view = AgentView(frame, T, Landmarks.from_rows(rows), {i: box for i, box in boxes.items() if box is not None})
+            try:
+                edits = list(agent.propose(view))
+            except AgentError as error:
+                warnings.append(f"agent {agent.name}: {error}")
+                continue
+            for edit in edits:
+                try:
+                    events.append(apply_edit(edit, self._objects, self.parts.smoother))
+                except EditRefused as error:
+                    warnings.append(f"agent {agent.name}: edit refused: {error}")
+        return events
+
+    def _keep(
+        self,
+        keyframe_id: int,
+        frame: Frame,
+        motion: Motion | None,
+        observations: Observations,
+        landmark_ids: IntArray,
+        events: list[MapEvent],
+    ) -> None:
+        gone = {event.landmark_id for event in events if event.kind in ("merged", "removed")}
+        touched = {int(i) for i in landmark_ids} | {event.landmark_id for event in events}
+        touched |= {event.other_id for event in events if event.other_id is not None}
+        changed = self._objects.rows(self.parts.smoother, np.array(sorted(touched - gone), dtype=np.int64))
+        self.parts.store.commit(
+            KeyframeRecord(
+                keyframe_id=keyframe_id,
+                timestamp_s=frame.timestamp_s,
+                T_world_camera=self._estimate.T_world_camera,
+                covariance=self._estimate.covariance,
+                T_previous_current=motion.T_previous_current if motion else np.eye(4),
+                motion_covariance=motion.covariance if motion else np.zeros((6, 6)),
+                observations=observations,
+                landmark_ids=landmark_ids,
+                landmarks=tuple(changed),
+                removed_ids=tuple(sorted(gone)),
+                events=tuple(events),
+            )
+        )
+
+
+def _composed(before: Motion | None, motion: Motion) -> Motion:
+    if before is None:
+        return motion
+    T, covariance = compose_motion(before.T_previous_current, before.covariance, motion.T_previous_current, motion.covariance)
+    return Motion(T_previous_current=T, covariance=covariance)

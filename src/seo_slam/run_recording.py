@@ -1,0 +1,89 @@
+"""From a recording to a folder with a map, a trajectory and a report: what ``seo-slam run`` does, for library users."""
+
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from seo_slam.backends.recorded_detector import DetectionRecorder
+from seo_slam.pipeline import Pipeline, RunResult
+from seo_slam.records import StepResult
+from seo_slam.report.crops import ReportRecorder
+from seo_slam.report.html import write_report
+from seo_slam.run_files import describe_run, write_result
+from seo_slam.types import Frame
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FinishedRun:
+    """A run and what was written of it.
+
+    Attributes:
+        result: map, trajectory, counts.
+        run: the content of run.json.
+        complete: False if it was interrupted (Ctrl-C); the folder is valid for what was seen until then.
+    """
+
+    result: RunResult
+    run: Mapping[str, Any]
+    complete: bool
+
+
+def run_recording(
+    frames: Iterable[Frame],
+    pipeline: Pipeline,
+    folder: Path,
+    *,
+    dataset: str,
+    config: Mapping[str, Any] | None = None,
+    record_detections: str | Path | None = None,
+    on_step: Callable[[StepResult], None] | None = None,
+) -> FinishedRun:
+    """Run a pipeline over frames and write the result folder; Ctrl-C ends it early with a valid result.
+
+    Args:
+        frames: the recording.
+        pipeline: composed; its store should write ``map.db`` into ``folder``. It is closed at the end.
+        folder: from ``run_files.prepare_folder``.
+        dataset: what is read, for people.
+        config: settings to note in run.json; the pipeline's by default.
+        record_detections: a JSON lines file to write all detections to.
+        on_step: called after each frame, once its keyframe is committed.
+    """
+    seen = ReportRecorder()
+    complete = True
+    detections = DetectionRecorder(record_detections) if record_detections is not None else None
+    with pipeline:
+        try:
+            for frame in _timed(frames, pipeline):
+                step = pipeline.step(frame)
+                with pipeline.clock.stage("report"):
+                    seen.observe(frame, step)
+                if detections is not None and step.detections is not None:
+                    detections.record(frame, step.detections)
+                if on_step is not None:
+                    on_step(step)
+        except KeyboardInterrupt:
+            complete = False
+        finally:
+            if detections is not None:
+                detections.close()
+        result = pipeline.result()
+    settings = pipeline.config.model_dump(mode="json") if config is None else config
+    run = describe_run(result, dataset=dataset, config=settings, complete=complete)
+    write_result(folder, result, run)
+    write_report(folder / "report.html", map=result.map, trajectory=result.trajectory, recorder=seen, run=run)
+    return FinishedRun(result, run, complete)
+
+
+def _timed(frames: Iterable[Frame], pipeline: Pipeline) -> Iterator[Frame]:
+    """Yield frames and count the seconds that reading each took."""
+    source = iter(frames)
+    while True:
+        started = time.perf_counter()
+        frame = next(source, None)
+        if frame is None:
+            return
+        pipeline.clock.add("read", time.perf_counter() - started)
+        yield frame
