@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from seo_slam.datasets.trajectory_files import interpolate_pose, read_trajectory
+from seo_slam.datasets.trajectory_files import interpolate_pose, read_trajectory, usual_max_gap_s
 from seo_slam.errors import ConfigError
 from seo_slam.geometry import FloatArray, inverse, so3_log
 from seo_slam.records import Trajectory
@@ -42,7 +42,7 @@ class RecordedOdometry:
             sigma_share: metres a metre of the step.
             sigma_deg: degrees a step.
             sigma_turn_share: degrees a degree of the step.
-            max_gap_s: poses farther apart are not interpolated; None: 2.5 times their median period, but at least 0.1 s.
+            max_gap_s: poses farther apart are not interpolated; None: ``usual_max_gap_s``.
             lost_sigma_m: metres, of the guess while lost.
             lost_sigma_deg: degrees, of the guess while lost.
 
@@ -64,9 +64,7 @@ class RecordedOdometry:
         self.trajectory = trajectory if isinstance(trajectory, Trajectory) else read_trajectory(trajectory)
         if not len(self.trajectory):
             raise ConfigError("recorded odometry: the trajectory holds no poses")
-        periods_s = np.diff(self.trajectory.timestamps_s)
-        usual_gap_s = max(0.1, 2.5 * float(np.median(periods_s))) if len(periods_s) else 0.1
-        self.max_gap_s = usual_gap_s if max_gap_s is None else max_gap_s
+        self.max_gap_s = usual_max_gap_s(self.trajectory) if max_gap_s is None else max_gap_s
         self._sigma_m, self._sigma_share = sigma_m, sigma_share
         self._sigma_rad, self._sigma_turn_share = np.radians(sigma_deg), sigma_turn_share
         self._lost = _covariance(np.radians(lost_sigma_deg), lost_sigma_m)

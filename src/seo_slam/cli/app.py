@@ -4,7 +4,7 @@ import sys
 
 import typer
 
-from seo_slam.cli import doctor, evaluate, export, query, run
+from seo_slam.cli import check, doctor, evaluate, export, query, run
 from seo_slam.errors import SeoSlamError
 
 app = typer.Typer(
@@ -18,6 +18,7 @@ app = typer.Typer(
 app.command("run")(run.run)
 app.add_typer(evaluate.app, name="eval")
 app.command("doctor")(doctor.doctor)
+app.command("check")(check.check)
 app.command("query")(query.query)
 app.command("export")(export.export)
 

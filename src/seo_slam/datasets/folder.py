@@ -7,7 +7,7 @@ import numpy as np
 from seo_slam.camera import Camera
 from seo_slam.datasets.images import DEPTH_SUFFIXES, IMAGE_SUFFIXES, name_number
 from seo_slam.datasets.pose_files import read_folder_poses
-from seo_slam.datasets.recording import ImagePair, ReaderOptions, Recording, contents, require_folder
+from seo_slam.datasets.recording import Found, ImagePair, ReaderOptions, Recording, contents, require_folder
 from seo_slam.datasets.stamps import associate, nearest_difference_s
 from seo_slam.datasets.text_files import read_numbers
 from seo_slam.datasets.tum import MAX_TIME_DIFFERENCE_S
@@ -64,20 +64,30 @@ class FolderDataset(Recording):
             raise ConfigError(f"fps: got {fps}, wanted above 0")
         options = ReaderOptions(camera, camera_file, depth_scale, trajectory_file, stride, max_frames, skip_broken)
         folder = require_folder(path)
-        rgb = _numbered(_image_folder(folder, RGB_FOLDERS), IMAGE_SUFFIXES)
-        depth = _numbered(_image_folder(folder, DEPTH_FOLDERS), DEPTH_SUFFIXES)
-        units = _stamp_units([*rgb, *depth])
-        notes: tuple[str, ...] = ()
-        if units is not None:
-            stamps_s = np.array([float(name) / units for name in rgb])
-            pairs = _pairs_by_stamp(folder, rgb, depth, units, max_time_difference_s)
-        else:
-            stamps_s, notes = _stamps_of_numbers(folder, rgb, fps)
-            pairs = _pairs_by_number(folder, rgb, depth, stamps_s)
-        if len(pairs) < len(rgb):
-            notes += (f"{len(rgb) - len(pairs)} of {len(rgb)} colour images have no depth image and are left out",)
-        poses = read_folder_poses(folder, _position_of_name(rgb), stamps_s)
-        super().__init__(folder, "folder", pairs, options, pose_files=poses, warnings=notes)
+        found = find_folder_images(folder, max_time_difference_s, fps)
+        poses = read_folder_poses(folder, found.position_of_number, found.stamps_s)
+        super().__init__(folder, "folder", found, options, pose_files=poses)
+
+
+def find_folder_images(folder: Path, max_time_difference_s: float = MAX_TIME_DIFFERENCE_S, fps: float | None = None) -> Found:
+    """List both image folders and pair what belongs together.
+
+    Raises:
+        DatasetError: a folder is missing or empty, a name holds no number, or no two images belong together.
+    """
+    rgb = _numbered(_image_folder(folder, RGB_FOLDERS), IMAGE_SUFFIXES)
+    depth = _numbered(_image_folder(folder, DEPTH_FOLDERS), DEPTH_SUFFIXES)
+    units = _stamp_units([*rgb, *depth])
+    notes: tuple[str, ...] = ()
+    if units is not None:
+        stamps_s = np.array([float(name) / units for name in rgb])
+        pairs = _pairs_by_stamp(folder, rgb, depth, units, max_time_difference_s)
+    else:
+        stamps_s, notes = _stamps_of_numbers(folder, rgb, fps)
+        pairs = _pairs_by_number(folder, rgb, depth, stamps_s)
+    if len(pairs) < len(rgb):
+        notes += (f"{len(rgb) - len(pairs)} of {len(rgb)} colour images have no depth image and are left out",)
+    return Found(pairs, stamps_s, notes, position_of_number={float(name): i for i, name in enumerate(rgb)})
 
 
 def _image_folder(folder: Path, names: tuple[str, ...]) -> Path:
@@ -153,7 +163,3 @@ def _pairs_by_number(folder: Path, rgb: dict[str, Path], depth: dict[str, Path],
     return tuple(
         ImagePair(float(stamps_s[i]), file, depth_of[number], float(stamps_s[i]), index) for index, (i, number, file) in enumerate(common)
     )
-
-
-def _position_of_name(rgb: dict[str, Path]) -> dict[float, int]:
-    return {float(name): i for i, name in enumerate(rgb)}

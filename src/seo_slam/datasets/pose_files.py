@@ -1,5 +1,6 @@
 """Poses beside plain images: one 4x4 text file a frame, or one row of 16 or 12 numbers a frame. All are ``T_world_camera``."""
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,7 @@ POSE_FOLDERS = ("pose", "poses")
 POSES_FILE = "poses.txt"
 
 
-def read_folder_poses(folder: Path, position_of_number: dict[float, int], stamps_s: FloatArray) -> Trajectory | None:
+def read_folder_poses(folder: Path, position_of_number: Mapping[float, int], stamps_s: FloatArray) -> Trajectory | None:
     """Read ``pose/``, ``poses/`` or ``poses.txt``; None if there is none.
 
     Args:
@@ -32,7 +33,7 @@ def read_folder_poses(folder: Path, position_of_number: dict[float, int], stamps
     return _one_row_a_pose(file, stamps_s) if file.is_file() else None
 
 
-def _one_file_a_pose(folder: Path, position_of_number: dict[float, int], stamps_s: FloatArray) -> Trajectory:
+def _one_file_a_pose(folder: Path, position_of_number: Mapping[float, int], stamps_s: FloatArray) -> Trajectory:
     poses: dict[int, FloatArray] = {}
     for file in sorted(folder.glob("*.txt")):
         number = name_number(file)

@@ -1,8 +1,8 @@
 """What every recording on disk is: pairs of colour and depth images with a camera, read one frame at a time."""
 
 import logging
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +12,7 @@ from seo_slam.datasets.camera_files import find_camera
 from seo_slam.datasets.images import ImageHeader, read_depth, read_header, read_rgb, require_depth_header
 from seo_slam.datasets.trajectory_files import GROUNDTRUTH_FILE, ODOMETRY_FILE, pick_trajectory, read_trajectory
 from seo_slam.errors import ConfigError, DatasetError, FrameError
+from seo_slam.geometry import FloatArray
 from seo_slam.records import Trajectory
 from seo_slam.types import Frame
 
@@ -34,6 +35,24 @@ class ImagePair:
     depth: Path
     depth_timestamp_s: float
     index: int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Found:
+    """What a layout's search for images gives.
+
+    Attributes:
+        pairs: by rising stamp.
+        stamps_s: (N,) of all colour images, paired or not.
+        warnings, missing: as in ``Recording``.
+        position_of_number: number in a colour image's name -> its row in ``stamps_s``; for pose files beside plain images.
+    """
+
+    pairs: tuple[ImagePair, ...]
+    stamps_s: FloatArray
+    warnings: tuple[str, ...] = ()
+    missing: tuple[Path, ...] = ()
+    position_of_number: Mapping[float, int] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,32 +110,30 @@ class Recording:
         self,
         path: Path,
         kind: str,
-        pairs: tuple[ImagePair, ...],
+        found: Found,
         options: ReaderOptions,
         *,
         default_depth_scale: float | None = None,
         pose_files: Trajectory | None = None,
-        warnings: tuple[str, ...] = (),
-        missing: tuple[Path, ...] = (),
     ) -> None:
         """Readers call this with what they found.
 
         Raises:
             DatasetError: no intrinsics, bad images or bad poses.
         """
-        self.path, self.kind, self.missing = path, kind, missing
+        self.path, self.kind, self.missing = path, kind, found.missing
         if options.camera is None:
             self.camera, scale, self.camera_source = find_camera(path, options.camera_file)
         else:
             self.camera, scale, self.camera_source = options.camera, None, "given"
         self._scale = options.depth_scale or scale or default_depth_scale
         self._skip_broken = options.skip_broken
-        selected = pairs[:: options.stride][: options.max_frames]
+        selected = found.pairs[:: options.stride][: options.max_frames]
         self.pairs, broken = self._sound(selected)
         self.groundtruth, self.odometry = _if_file(path / GROUNDTRUTH_FILE), _if_file(path / ODOMETRY_FILE)
         poses_file = pick_trajectory(path, options.trajectory_file)
         self.trajectory = read_trajectory(poses_file) if poses_file else pose_files
-        self.warnings = (*warnings, *broken, *self._uncovered())
+        self.warnings = (*found.warnings, *broken, *self._uncovered())
         for warning in self.warnings:
             logger.info("%s: %s", path, warning)
 
@@ -159,7 +176,7 @@ class Recording:
         kept, faults = [], []
         for pair in pairs:
             try:
-                self._check_headers(pair)
+                check_pair(pair, self.camera, self.camera_source, self._scale)
                 kept.append(pair)
             except DatasetError as error:
                 if not self._skip_broken:
@@ -170,16 +187,6 @@ class Recording:
         if not faults:
             return tuple(kept), ()
         return tuple(kept), (f"{len(faults)} of {len(pairs)} image pairs are left out as damaged; the first: {faults[0]}",)
-
-    def _check_headers(self, pair: ImagePair) -> None:
-        rgb, depth = read_header(pair.rgb), read_header(pair.depth)
-        require_depth_header(pair.depth, depth)
-        if not depth.floating and self._scale is None:
-            raise DatasetError(
-                f"{pair.depth}: integer depth, but no depth_scale: write it into camera.json (1000 for millimetres, 5000 for TUM)"
-            )
-        _require_size(pair.rgb, rgb, self.camera, f"the camera's ({self.camera_source})")
-        _require_size(pair.depth, depth, self.camera, "the colour image's; register depth to colour first")
 
     def _uncovered(self) -> tuple[str, ...]:
         if self.trajectory is None:
@@ -193,6 +200,22 @@ class Recording:
             f"{outside} of {len(stamps_s)} frames lie outside the poses (frames {stamps_s[0]:.3f}..{stamps_s[-1]:.3f} s, "
             f"poses {first_s:.3f}..{last_s:.3f} s)",
         )
+
+
+def check_pair(pair: ImagePair, camera: Camera, camera_source: str, depth_scale: float | None) -> None:
+    """Check headers and ends of the files of a pair.
+
+    Raises:
+        DatasetError: damaged, of another size than the camera, no depth, or integer depth without a scale.
+    """
+    rgb, depth = read_header(pair.rgb), read_header(pair.depth)
+    require_depth_header(pair.depth, depth)
+    if not depth.floating and depth_scale is None:
+        raise DatasetError(
+            f"{pair.depth}: integer depth, but no depth_scale: write it into camera.json (1000 for millimetres, 5000 for TUM)"
+        )
+    _require_size(pair.rgb, rgb, camera, f"the camera's ({camera_source})")
+    _require_size(pair.depth, depth, camera, "the colour image's; register depth to colour first")
 
 
 def _require_size(path: Path, header: ImageHeader, camera: Camera, whose: str) -> None:

@@ -101,6 +101,16 @@ def interpolate_pose(trajectory: Trajectory, timestamp_s: float, max_gap_s: floa
     return interpolate(trajectory.T_world_camera[after - 1], trajectory.T_world_camera[after], share)
 
 
+def usual_max_gap_s(trajectory: Trajectory) -> float:
+    """Return the gap up to which poses are interpolated if nothing else is said: 2.5 median periods, but at least 0.25 s.
+
+    A hand-held camera accelerates by some 1 m/s^2; over 0.25 s a straight line is then at most 8 mm off, within the noise that the
+    recorded odometry assumes.
+    """
+    periods_s = np.diff(trajectory.timestamps_s)
+    return max(0.25, 2.5 * float(np.median(periods_s))) if len(periods_s) else 0.25
+
+
 def pick_trajectory(dataset_folder: str | Path, explicit: str | Path | None = None) -> Path | None:
     """Return the file whose poses the recorded odometry replays: ``explicit``, else odometry.txt, else groundtruth.txt, else None.
 

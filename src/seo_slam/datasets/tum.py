@@ -4,7 +4,7 @@ from pathlib import Path
 
 from seo_slam.camera import Camera
 from seo_slam.datasets.camera_files import TUM_DEPTH_SCALE
-from seo_slam.datasets.recording import ImagePair, ReaderOptions, Recording, contents, require_folder
+from seo_slam.datasets.recording import Found, ImagePair, ReaderOptions, Recording, contents, require_folder
 from seo_slam.datasets.stamps import ImageList, associate, nearest_difference_s, read_image_list
 from seo_slam.errors import DatasetError
 
@@ -52,27 +52,33 @@ class TumDataset(Recording):
         """
         options = ReaderOptions(camera, camera_file, depth_scale, trajectory_file, stride, max_frames, skip_broken)
         folder = require_folder(path)
-        rgb, missing_rgb, rgb_note = _listed_images(folder, RGB_LIST)
-        depth, missing_depth, depth_note = _listed_images(folder, DEPTH_LIST)
-        pairs = _pair(folder, rgb, depth, max_time_difference_s)
-        notes = [note for note in (rgb_note, depth_note) if note]
-        if len(pairs) < len(rgb):
-            notes.append(
-                f"{len(rgb) - len(pairs)} of {len(rgb)} colour images have no depth image within "
-                f"{1000 * max_time_difference_s:.0f} ms and are left out"
-            )
-        super().__init__(
-            folder,
-            "tum",
-            pairs,
-            options,
-            default_depth_scale=TUM_DEPTH_SCALE,
-            warnings=tuple(notes),
-            missing=missing_rgb + missing_depth,
+        super().__init__(folder, "tum", find_tum_images(folder, max_time_difference_s), options, default_depth_scale=TUM_DEPTH_SCALE)
+
+
+def find_tum_images(folder: Path, max_time_difference_s: float = MAX_TIME_DIFFERENCE_S) -> Found:
+    """Read both lists and pair what exists.
+
+    Raises:
+        DatasetError: a list is missing or malformed, none of its images exists, or no two belong together.
+    """
+    rgb, missing_rgb, rgb_note = listed_images(folder, RGB_LIST)
+    depth, missing_depth, depth_note = listed_images(folder, DEPTH_LIST)
+    pairs = _pair(folder, rgb, depth, max_time_difference_s)
+    notes = [note for note in (rgb_note, depth_note) if note]
+    if len(pairs) < len(rgb):
+        notes.append(
+            f"{len(rgb) - len(pairs)} of {len(rgb)} colour images have no depth image within "
+            f"{1000 * max_time_difference_s:.0f} ms and are left out"
         )
+    return Found(pairs, rgb.timestamps_s, tuple(notes), missing_rgb + missing_depth)
 
 
-def _listed_images(folder: Path, name: str) -> tuple[ImageList, tuple[Path, ...], str]:
+def listed_images(folder: Path, name: str) -> tuple[ImageList, tuple[Path, ...], str]:
+    """Return the images of a list that exist, the files that do not, and a warning about those ("" if all do).
+
+    Raises:
+        DatasetError: the list is missing or malformed, or none of its images exists.
+    """
     if not (folder / name).is_file():
         raise DatasetError(f"{folder}: no {name}; wanted the TUM layout (rgb.txt, depth.txt), found {contents(folder)}")
     listed = read_image_list(folder / name)
