@@ -55,7 +55,7 @@ def run_notebooks(session):
     notebooks = sorted(Path("examples").glob("*.py"))
     with tempfile.TemporaryDirectory() as folder:
         for notebook in notebooks:
-            session.run("python", "-W", "ignore", "-c", EXECUTE_NOTEBOOK, str(notebook), folder)
+            session.run("python", "-W", "ignore", "-c", EXECUTE_NOTEBOOK, str(notebook), folder, log=False)
     session.log(f"{len(notebooks)} notebooks executed")
 
 
@@ -64,7 +64,7 @@ def run_build(session):
         session.run("python", "-m", "build", "--no-isolation", "--outdir", f"{folder}/dist", silent=True)
         (wheel,) = Path(folder, "dist").glob("*.whl")
         session.run("python", "-m", "pip", "install", "--quiet", "--no-deps", "--target", f"{folder}/site", str(wheel))
-        session.run("python", "-P", "-c", CHECK_WHEEL, f"{folder}/site", env={"PYTHONPATH": f"{folder}/site"})
+        session.run("python", "-P", "-c", CHECK_WHEEL, f"{folder}/site", env={"PYTHONPATH": f"{folder}/site"}, log=False)
 
 
 def run_tests(session):
