@@ -1,0 +1,56 @@
+"""What every store checks before it takes a keyframe, so that a bad one is refused whole."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from seo_slam.errors import MapError
+from seo_slam.records import KeyframeRecord
+from seo_slam.types import Landmark, Observations
+
+
+def require_next(record: KeyframeRecord, last_id: int | None) -> None:
+    """Check that a record may follow keyframe ``last_id`` and holds no value that could not be read back.
+
+    Raises:
+        MapError: the id does not rise, there is not one landmark id an observation, a landmark has NaN or a wrong shape, or is
+            given twice.
+    """
+    if record.keyframe_id < 0 or (last_id is not None and record.keyframe_id <= last_id):
+        raise MapError(f"commit: got keyframe {record.keyframe_id}, wanted an id above {-1 if last_id is None else last_id}")
+    where = f"commit of keyframe {record.keyframe_id}"
+    if record.landmark_ids.shape != (len(record.observations),):
+        raise MapError(f"{where}: got {record.landmark_ids.shape} landmark ids for {len(record.observations)} observations")
+    for name, array, shape in (
+        ("T_world_camera", record.T_world_camera, (4, 4)),
+        ("covariance", record.covariance, (6, 6)),
+        ("T_previous_current", record.T_previous_current, (4, 4)),
+        ("motion_covariance", record.motion_covariance, (6, 6)),
+    ):
+        if array.shape != shape or not np.isfinite(array).all():
+            raise MapError(f"{where}: {name} has shape {array.shape} or is not finite, wanted finite {shape}")
+    if not np.isfinite(record.timestamp_s):
+        raise MapError(f"{where}: timestamp_s is {record.timestamp_s}")
+    ids = [landmark.id for landmark in record.landmarks]
+    if len(set(ids)) != len(ids) or set(ids) & set(record.removed_ids):
+        raise MapError(f"{where}: a landmark is given twice, or both changed and removed: {ids}, removed {record.removed_ids}")
+    for landmark in record.landmarks:
+        _require_landmark(landmark, where)
+
+
+def _require_landmark(landmark: Landmark, where: str) -> None:
+    for name, array, shape in (
+        ("position_m", landmark.position_m, (3,)),
+        ("covariance_m2", landmark.covariance_m2, (3, 3)),
+        ("size_m", landmark.size_m, (3,)),
+        ("embedding", landmark.embedding, (landmark.embedding.size,)),
+    ):
+        if array.shape != shape or not np.isfinite(array).all():
+            raise MapError(f"{where}: landmark {landmark.id}: {name} has shape {array.shape} or is not finite, wanted {shape}")
+    if not np.isfinite([landmark.first_seen_s, landmark.last_seen_s, *landmark.labels.values()]).all():
+        raise MapError(f"{where}: landmark {landmark.id}: a stamp or a label's weight is not finite")
+
+
+def without_clouds(observations: Observations) -> Observations:
+    """Return observations whose clouds are empty: a store keeps what the factor graph needs, and clouds would fill memory."""
+    return replace(observations, clouds=tuple(np.zeros((0, 3)) for _ in range(len(observations))))

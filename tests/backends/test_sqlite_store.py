@@ -1,0 +1,242 @@
+"""What only the store in a file can do: continue, survive, refuse foreign and damaged files."""
+
+import shutil
+import sqlite3
+import threading
+
+import numpy as np
+import pytest
+
+from seo_slam.backends.sqlite_schema import USER_VERSION
+from seo_slam.backends.sqlite_store import SqliteStore
+from seo_slam.errors import ConfigError, MapError, MapFormatError
+from seo_slam.records import MapEvent
+from seo_slam.testing.store import make_landmark, make_record, require_same_landmark
+
+
+@pytest.fixture
+def path(tmp_path):
+    return tmp_path / "result" / "map.db"
+
+
+def fill(path, keyframes=range(3)):
+    with SqliteStore(path) as store:
+        for k in keyframes:
+            store.commit(make_record(k, (1, 2), (make_landmark(1, version=k), make_landmark(2, (k, 0, 0))), (), (MapEvent("created", 1),)))
+
+
+@pytest.mark.parametrize("durability", ["normal", "full"])
+def test_what_was_committed_is_there_after_reopening(path, durability):
+    with SqliteStore(path, durability) as store:
+        store.commit(make_record(0, landmarks=(make_landmark(1), make_landmark(2, (3.0, 2.0, 1.0)))))
+        store.set_meta("embedder", "hashed")
+    with SqliteStore(path, read_only=True) as store:
+        assert store.keyframe_ids().tolist() == [0]
+        assert store.meta() == {"embedder": "hashed"}
+        require_same_landmark(store.landmarks()[1], make_landmark(2, (3.0, 2.0, 1.0)))
+
+
+def test_an_existing_file_is_continued_never_cut(path):
+    fill(path)
+    with SqliteStore(path) as store:
+        with pytest.raises(MapError, match="above 2"):
+            store.commit(make_record(2))
+        store.commit(make_record(3, (1,), (make_landmark(1, (0, 9, 0), version=7),), (2,)))
+        store.commit(make_record(4))
+        assert store.keyframe_ids().tolist() == [0, 1, 2, 3, 4]
+        assert [row.id for row in store.landmarks()] == [1]
+        assert store.landmarks()[0].version == 7
+        assert store.near(np.array([0.0, 9.0, 0.0]), 0.1) == (1,)
+        assert len(store.history(1)) == 3
+        assert store.sessions().tolist() == [0, 0, 0, 1, 1]
+
+
+def test_history_keeps_every_version_of_a_landmark(path):
+    fill(path)
+    with SqliteStore(path) as store:
+        store.commit(make_record(3, removed_ids=(1,)))
+        assert [store.keyframe(k).landmarks[0].version for k in range(3)] == [0, 1, 2]
+        assert store.keyframe(3).removed_ids == (1,)
+
+
+def test_the_closed_file_stands_alone(path, tmp_path):
+    fill(path)
+    assert [file.name for file in path.parent.iterdir()] == ["map.db"]
+    copy = tmp_path / "copy.db"
+    shutil.copy(path, copy)
+    with SqliteStore(copy, read_only=True) as store:
+        assert len(store.keyframe_ids()) == 3
+
+
+def test_a_reader_sees_a_run_that_goes_on(path):
+    with SqliteStore(path) as writer:
+        writer.commit(make_record(0))
+        with SqliteStore(path, read_only=True) as reader:
+            assert reader.keyframe_ids().tolist() == [0]
+            writer.commit(make_record(1))
+            assert reader.keyframe_ids().tolist() == [0, 1]
+    assert len(SqliteStore(path, read_only=True).keyframe_ids()) == 2
+
+
+def test_reading_changes_nothing(path):
+    fill(path)
+    before = path.read_bytes()
+    with SqliteStore(path, read_only=True) as store:
+        store.landmarks()
+        with pytest.raises(MapError, match="read-only"):
+            store.commit(make_record(9))
+        with pytest.raises(MapError, match="read-only"):
+            store.set_meta("a", "b")
+    assert path.read_bytes() == before
+
+
+def test_a_failing_commit_leaves_the_store_as_it_was_and_usable(path):
+    with SqliteStore(path) as store:
+        store.commit(make_record(0))
+        with pytest.raises(MapError, match="Unicode"):
+            store.commit(make_record(1, (1,), (make_landmark(1),), (), (MapEvent("created", 1, "\ud800"),)))
+        assert store.keyframe_ids().tolist() == [0]
+        assert store.landmarks() == ()
+        store.commit(make_record(1, (1,), (make_landmark(1),)))
+        require_same_landmark(store.landmarks()[0], make_landmark(1))
+        assert store.keyframe(1).observations.embeddings[0].tolist() == [1, 0, 0, 0, 0, 0, 0, 0]
+
+
+def test_many_embeddings_keep_their_owners(path, monkeypatch):
+    monkeypatch.setattr("seo_slam.backends.sqlite_store._CACHED_VECTORS", 3)
+    with SqliteStore(path) as store:
+        for k in range(4):
+            store.commit(make_record(k, landmarks=tuple(make_landmark(i) for i in range(8))))
+        for row in store.landmarks():
+            require_same_landmark(row, make_landmark(row.id))
+
+
+def test_threads_may_share_it(path):
+    with SqliteStore(path) as store:
+        faults, seen = [], [0]
+
+        def read():
+            try:
+                for _ in range(50):
+                    for row in store.landmarks():
+                        assert row.version >= seen[-1]
+                        seen.append(row.version)
+            except Exception as error:  # noqa: BLE001  # handed to the asserting thread
+                faults.append(error)
+
+        thread = threading.Thread(target=read)
+        thread.start()
+        for k in range(50):
+            store.commit(make_record(k, (1,), (make_landmark(1, version=k),)))
+        thread.join()
+        assert faults == []
+        assert len(store.keyframe_ids()) == 50
+
+
+def test_no_path_of_this_machine_is_in_the_file(path):
+    fill(path)
+    assert str(path.parent).encode() not in path.read_bytes()
+
+
+def test_a_foreign_database_is_refused_and_left_alone(tmp_path):
+    path = tmp_path / "map.db"
+    with sqlite3.connect(path) as db:
+        db.execute("CREATE TABLE photos (id)")
+    db.close()
+    before = path.read_bytes()
+    for read_only in (False, True):
+        with pytest.raises(MapFormatError, match="no map of seo_slam"):
+            SqliteStore(path, read_only=read_only)
+    assert path.read_bytes() == before
+
+
+def test_another_version_is_refused(path):
+    fill(path)
+    db = sqlite3.connect(path)
+    db.execute(f"PRAGMA user_version = {USER_VERSION + 1}")
+    db.close()
+    for read_only in (False, True):
+        with pytest.raises(MapFormatError, match=r"got seo_slam\.db/2, wanted seo_slam\.db/1"):
+            SqliteStore(path, read_only=read_only)
+
+
+@pytest.mark.parametrize("content", [b"x", b"{}" * 200])
+def test_what_is_no_database_is_refused_and_left_alone(tmp_path, content):
+    path = tmp_path / "map.db"
+    path.write_bytes(content)
+    for read_only in (False, True):
+        with pytest.raises(MapFormatError, match="not a map"):
+            SqliteStore(path, read_only=read_only)
+    assert path.read_bytes() == content
+
+
+def test_an_empty_file_is_a_new_store_to_a_writer_and_no_map_to_a_reader(tmp_path):
+    path = tmp_path / "map.db"
+    path.touch()
+    with pytest.raises(MapFormatError):
+        SqliteStore(path, read_only=True)
+    with SqliteStore(path) as store:
+        assert len(store.keyframe_ids()) == 0
+
+
+def test_a_missing_file_is_not_made_by_a_reader(path):
+    with pytest.raises(MapFormatError, match="no such"):
+        SqliteStore(path, read_only=True)
+    assert not path.exists()
+
+
+def test_a_file_cut_off_anywhere_is_refused(path, tmp_path):
+    fill(path)
+    data = path.read_bytes()
+    cut = tmp_path / "cut.db"
+    for size in range(0, len(data), 997):
+        cut.write_bytes(data[:size])
+        with pytest.raises(MapFormatError):
+            SqliteStore(cut, read_only=True)
+
+
+def test_damage_inside_is_a_format_error_or_harmless(path, tmp_path):
+    fill(path, range(30))
+    data = path.read_bytes()
+    rng = np.random.default_rng(1)
+    hurt = 0
+    for _ in range(60):
+        broken = bytearray(data)
+        start = int(rng.integers(100, len(data) - 600))
+        broken[start : start + 600] = rng.bytes(600)
+        damaged = tmp_path / "damaged.db"
+        damaged.write_bytes(bytes(broken))
+        try:
+            with SqliteStore(damaged, read_only=True) as store:
+                store.landmarks()
+                store.near(np.zeros(3), 1.0)
+                for k in store.keyframe_ids():
+                    store.keyframe(int(k))
+        except MapError:
+            hurt += 1
+    assert hurt > 10
+
+
+def test_a_folder_that_cannot_be_written_is_named(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(MapError, match="cannot be written"):
+        SqliteStore(tmp_path / "file" / "map.db")
+
+
+def test_an_unknown_durability_is_refused_before_a_file_is_made(path):
+    with pytest.raises(ConfigError, match="'normal' or 'full'"):
+        SqliteStore(path, durability="fast")
+    assert not path.exists()
+
+
+def test_the_key_of_the_format_cannot_be_set(path):
+    with SqliteStore(path) as store, pytest.raises(MapError, match="schema"):
+        store.set_meta("schema", "mine")
+
+
+def test_a_closed_store_says_so_and_closes_twice(path):
+    store = SqliteStore(path)
+    store.close()
+    store.close()
+    with pytest.raises(MapError, match="closed"):
+        store.landmarks()
