@@ -1,1 +1,1 @@
-"""Worlds of which everything is known."""
+"""A small world in which everything is known: simulated scenes, sensors and detectors."""
