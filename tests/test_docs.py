@@ -87,6 +87,11 @@ def test_ci_runs_the_test_command_of_the_readme():
     assert last in shell.splitlines(), f"README.md has no bash block with the line {last!r}"
 
 
+def test_every_page_is_in_the_navigation():
+    listed = re.findall(r"[\w/-]+\.md", (ROOT / "mkdocs.yml").read_text(encoding="utf-8"))
+    assert sorted(listed) == sorted(str(page.relative_to(ROOT / "docs")) for page in PAGES[1:])
+
+
 def test_the_test_finds_blocks_and_commands():
     page = "\n".join(
         [
