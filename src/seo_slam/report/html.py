@@ -1,0 +1,207 @@
+"""Writes the report of a run: one HTML file that needs no network and no other file."""
+
+import base64
+import hashlib
+import os
+from collections.abc import Mapping, Sequence
+from importlib import resources
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+
+from seo_slam.records import Trajectory
+from seo_slam.report import sections
+from seo_slam.report.crops import ReportRecorder
+from seo_slam.report.escaping import escaped, script_json
+from seo_slam.report.landmark_table import LabelColours, TableContext, landmark_table, sigma_m
+from seo_slam.report.map_svg import NARROW, WIDE, Scene, make_scene, render_map
+from seo_slam.report.run_facts import RunFacts, read_run
+from seo_slam.types import Landmark
+
+SCHEMA = "seo_slam.report/1"
+
+
+class ReportedMap(Protocol):
+    """What the report needs of a map; ``seo_slam.Map`` has it."""
+
+    @property
+    def landmarks(self) -> tuple[Landmark, ...]:
+        """The stable ones."""
+        ...
+
+    @property
+    def tentative(self) -> tuple[Landmark, ...]:
+        """Those not yet seen often enough."""
+        ...
+
+    @property
+    def gravity(self) -> str:
+        """How the world's z axis came to point up, or "unknown"."""
+        ...
+
+    @property
+    def embedder(self) -> str:
+        """Name of the text embedding."""
+        ...
+
+
+def write_report(
+    path: str | Path, *, map: ReportedMap, trajectory: Trajectory, recorder: ReportRecorder | None, run: Mapping[str, Any]
+) -> None:
+    """Write the report of a run; the same input gives the same bytes.
+
+    Args:
+        path: the file to write; replaced only once the new one is complete.
+        map: the map at the end of the run.
+        trajectory: camera poses, world frame, metres; may be empty.
+        recorder: what was seen on the way; None leaves pictures and label histories out.
+        run: content of ``run.json``; every key may be absent.
+
+    Raises:
+        OSError: the file cannot be written.
+    """
+    target = Path(path)
+    page = render_report(map=map, trajectory=trajectory, recorder=recorder, run=run)
+    unfinished = target.with_name(target.name + ".part")
+    unfinished.write_text(page, encoding="utf-8", newline="\n")
+    os.replace(unfinished, target)
+
+
+def render_report(*, map: ReportedMap, trajectory: Trajectory, recorder: ReportRecorder | None, run: Mapping[str, Any]) -> str:
+    """Return the page that ``write_report`` writes."""
+    stable, tentative = tuple(map.landmarks), tuple(map.tentative)
+    facts = read_run(run, recorder)
+    start_s, end_s = _time_span(trajectory, (*stable, *tentative))
+    context = TableContext(recorder, LabelColours((*stable, *tentative)), start_s, end_s)
+    scene = make_scene((*stable, *tentative), map.gravity, trajectory)
+    length_m = float(np.linalg.norm(np.diff(trajectory.T_world_camera[:, :3, 3], axis=0), axis=1).sum()) if len(trajectory) else 0.0
+    duration_s = end_s - start_s if end_s > start_s else None
+    name = sections.recording_name(facts)
+    ids = {str(m.id) for m in (*stable, *tentative)}
+    main = (
+        _header(facts, name),
+        sections.facts_tiles(facts, len(stable), len(tentative), duration_s, length_m),
+        _map_section(scene, context.colours, len(tentative)),
+        _landmark_section(stable, tentative, context),
+        _section("times", "Time per stage", sections.stage_bars(facts.stages)),
+        _section("warnings", "Warnings", sections.warning_list(facts.warnings)),
+        _section("events", "Events of the map", sections.event_list(facts.event_counts, facts.events, start_s, ids)),
+        _section("settings", "Settings and versions", sections.settings_and_versions(facts, map.embedder)),
+    )
+    data = _page_data(map, trajectory, context, facts, scene, {"duration_s": duration_s, "path_length_m": length_m})
+    return _document(f"{name}: map of things", "".join(main), data)
+
+
+def _time_span(trajectory: Trajectory, landmarks: Sequence[Landmark]) -> tuple[float, float]:
+    stamps = [*trajectory.timestamps_s[[0, -1]]] if len(trajectory) else []
+    stamps += [s for m in landmarks for s in (m.first_seen_s, m.last_seen_s) if np.isfinite(s)]
+    return (float(min(stamps)), float(max(stamps))) if stamps else (0.0, 0.0)
+
+
+def _section(name: str, title: str, body: str) -> str:
+    return f'<section id="{name}-section"><h2>{title}</h2>{body}</section>'
+
+
+def _header(facts: RunFacts, name: str) -> str:
+    where = f'<p class="dim path-name">{escaped(facts.dataset, 500)}</p>' if facts.dataset != name else ""
+    return f'<header><p class="kicker">seo_slam · report of a run</p><h1>{escaped(name)}</h1>{where}</header>'
+
+
+def _map_section(scene: Scene, colours: LabelColours, tentative: int) -> str:
+    gone = ", ".join(f'<a href="#landmark-{i}">#{i}</a>' for i in scene.left_out[:40])
+    more = f" and {len(scene.left_out) - 40} more" if len(scene.left_out) > 40 else ""
+    left_out = f'<p class="dim">Too far away to be drawn with the others: {gone}{more}.</p>' if gone else ""
+    toggle = '<label><input type="checkbox" id="show-tentative" checked><i class="key tentative"></i>tentative</label>' if tentative else ""
+    body = (
+        f'<p class="dim">{escaped(scene.projection.caption, 300)} Touch a landmark for its details.</p>'
+        f'<div id="map">'
+        f"{render_map(scene, WIDE, colours.css_class)}{render_map(scene, NARROW, colours.css_class)}</div>"
+        '<div id="details" aria-live="polite" hidden></div>'
+        '<p class="legend"><span><i class="key dot"></i>landmark</span><span><i class="key sigma"></i>its 2-sigma ellipse</span>'
+        f'<span><i class="key foot"></i>its size</span>{toggle}'
+        '<span><i class="key path"></i>camera path</span>'
+        '<span><i class="key start"></i>start</span><span><i class="key end"></i>end</span></p>'
+        f"{left_out}"
+    )
+    return _section("map", "Map", body)
+
+
+def _landmark_section(stable: Sequence[Landmark], tentative: Sequence[Landmark], context: TableContext) -> str:
+    controls = (
+        '<div class="controls" hidden><label>find <input type="search" id="filter" placeholder="label or id"></label>'
+        '<label>sort by <select id="sort"><option value="id">id<option value="label">label<option value="observations">times seen'
+        '<option value="sigma">sigma<option value="size">size<option value="first">first seen</select></label></div>'
+    )
+    empty = '<p class="dim">The map holds no stable landmark.</p>'
+    body = controls + (landmark_table(stable, "stable", context) if stable else empty)
+    if tentative:
+        title = f"{len(tentative)} tentative: not seen often or long enough yet"
+        body += sections.folded(title, landmark_table(tentative, "tentative", context))
+    return _section("landmarks", "Landmarks", body)
+
+
+def _landmark_data(m: Landmark, context: TableContext) -> dict[str, Any]:
+    recorder = context.recorder
+    return {
+        "id": m.id,
+        "label": m.label,
+        "labels": dict(m.labels),
+        "position_m": m.position_m,
+        "sigma_m": sigma_m(m),
+        "size_m": m.size_m,
+        "observations": m.observations,
+        "first_seen_s": m.first_seen_s,
+        "last_seen_s": m.last_seen_s,
+        "state": m.state,
+        "has_crop": bool(recorder and recorder.crop(m.id)),
+        "history": [[r.first_s, r.last_s, r.label, r.count] for r in recorder.label_history(m.id)] if recorder else [],
+    }
+
+
+def _page_data(
+    map: ReportedMap, trajectory: Trajectory, context: TableContext, facts: RunFacts, scene: Scene, extra: Mapping[str, Any]
+) -> dict[str, Any]:
+    return {
+        "schema": SCHEMA,
+        "dataset": facts.dataset,
+        "gravity": map.gravity,
+        "embedder": map.embedder,
+        "counts": {
+            **facts.counts,
+            "stable": len(map.landmarks),
+            "tentative": len(map.tentative),
+            "warnings": facts.warning_total,
+            "poses": len(trajectory),
+        },
+        **extra,
+        "landmarks": [_landmark_data(m, context) for m in map.landmarks],
+        "tentative": [_landmark_data(m, context) for m in map.tentative],
+        "not_drawn": scene.left_out,
+        "seconds_per_stage": {s.name: {"p50": s.p50_s, "p95": s.p95_s, "max": s.max_s} for s in facts.stages},
+        "warnings": [{"message": message, "count": count} for message, count in facts.warnings.items()],
+        "events": facts.event_counts,
+        "peak_memory_mb": facts.peak_memory_mb,
+    }
+
+
+def _document(title: str, main: str, data: Mapping[str, Any]) -> str:
+    style, script = _packaged("report.css"), _packaged("report.js")
+    digest = base64.b64encode(hashlib.sha256(script.encode("utf-8")).digest()).decode("ascii")
+    # Should an escape ever be missed, the browser still runs no script but ours and loads nothing from anywhere.
+    policy = (
+        f"default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'sha256-{digest}'; base-uri 'none'; form-action 'none'"
+    )
+    return (
+        '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
+        f'<meta http-equiv="Content-Security-Policy" content="{policy}">'
+        '<meta name="viewport" content="width=device-width, initial-scale=1"><meta name="color-scheme" content="light dark">'
+        f'<title>{escaped(title)}</title><link rel="icon" href="data:,"><style>{style}</style></head>\n'
+        f"<body><main>{main}</main>\n"
+        f'<script type="application/json" id="report-data">{script_json(data)}</script>\n'
+        f"<script>{script}</script></body></html>\n"
+    )
+
+
+def _packaged(name: str) -> str:
+    return resources.files("seo_slam.report").joinpath(name).read_text(encoding="utf-8")

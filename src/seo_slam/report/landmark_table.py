@@ -1,0 +1,173 @@
+"""The report's table of landmarks: picture, names, place, size, and what each was called when."""
+
+import base64
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from seo_slam.report.crops import Crop, ReportRecorder
+from seo_slam.report.escaping import clean_text, escaped
+from seo_slam.report.label_history import LabelRun
+from seo_slam.types import Landmark
+
+_COLOURS = 12
+_SHOWN_LABELS = 3
+_SHOWN_CHANGES = 4
+_STRIP_PX = (200.0, 12.0)
+_LEAST_RUN_PX = 2.0
+
+_COLUMNS = (
+    ("", "picture", ""),
+    ("id", "id", "num"),
+    ("label", "label", ""),
+    ("position", "position, m", "num"),
+    ("sigma", "sigma", "num"),
+    ("size", "size, cm", "num"),
+    ("observations", "seen", "num"),
+    ("first", "first – last", "num"),
+    ("", "called, over time", ""),
+)
+
+
+class LabelColours:
+    """Gives each label one of 12 CSS classes, ``c0`` to ``c11``: equal labels look equal in the whole report.
+
+    The labels of most landmarks come first, so the commonest ones have colours of their own.
+    """
+
+    def __init__(self, landmarks: Iterable[Landmark]) -> None:
+        counts: dict[str, int] = {}
+        for landmark in landmarks:
+            counts[landmark.label] = counts.get(landmark.label, 0) + 1
+        ranked = sorted(filter(None, counts), key=lambda label: (-counts[label], label))
+        self._class = {label: f"c{rank % _COLOURS}" for rank, label in enumerate(ranked)}
+
+    def css_class(self, label: str | None) -> str:
+        """The class of a label; ``none`` for no label."""
+        if not label:
+            return "none"
+        return self._class.setdefault(label, f"c{len(self._class) % _COLOURS}")
+
+
+@dataclass(frozen=True, slots=True)
+class TableContext:
+    """What every row needs: times are shown from ``start_s`` and strips run from there to ``end_s``."""
+
+    recorder: ReportRecorder | None
+    colours: LabelColours
+    start_s: float
+    end_s: float
+
+
+def landmark_table(landmarks: Sequence[Landmark], name: str, context: TableContext) -> str:
+    """Return a ``<table>`` of landmarks, by rising id; JavaScript makes it sortable, and it reads well without."""
+    heads = "".join(
+        f'<th scope="col"{f" data-key={key!r}" if key else ""}{f" class={kind!r}" if kind else ""}>{escaped(title)}</th>'
+        for key, title, kind in _COLUMNS
+    )
+    rows = "".join(_row(landmark, context) for landmark in sorted(landmarks, key=lambda m: m.id))
+    return (
+        f'<table class="landmarks" id="table-{name}"><thead><tr>{heads}</tr></thead><tbody>{rows}</tbody></table>'
+        f'<p class="nothing" hidden>No landmark of that name.</p>'
+    )
+
+
+def sigma_m(landmark: Landmark) -> float:
+    """The greatest standard deviation of the position in any direction, metres (NaN if the covariance is not finite)."""
+    if not np.isfinite(landmark.covariance_m2).all():
+        return float("nan")
+    return float(np.sqrt(max(float(np.linalg.eigvalsh(landmark.covariance_m2)[-1]), 0.0)))
+
+
+def _row(m: Landmark, context: TableContext) -> str:
+    crop = context.recorder.crop(m.id) if context.recorder else None
+    history = context.recorder.label_history(m.id) if context.recorder else ()
+    colour = context.colours.css_class(m.label)
+    sigma = sigma_m(m)
+    axes = ", ".join(f"{1000 * s:.0f}" for s in np.sqrt(np.maximum(np.diag(np.nan_to_num(m.covariance_m2)), 0.0)))
+    position = " ".join(f"<span>{value:.3f}</span>" for value in m.position_m)
+    first, last = m.first_seen_s - context.start_s, m.last_seen_s - context.start_s
+    keys = {
+        "id": f"{m.id}",
+        "label": clean_text(m.label),
+        "position": f"{m.position_m[0]:.4f}",
+        "sigma": f"{sigma:.6f}",
+        "size": f"{float(np.prod(m.size_m)):.9f}",
+        "observations": f"{m.observations}",
+        "first": f"{m.first_seen_s:.4f}",
+    }
+    data = "".join(f' data-{key}="{escaped(value)}"' for key, value in keys.items())
+    cells = (
+        ("picture", "", _picture(crop, m)),
+        ("id num", "id", f'<a href="#map" data-show="{m.id}">#{m.id}</a>'),
+        ("label", "label", f'<b class="{colour}"><i class="swatch"></i>{escaped(m.label) or "unnamed"}</b>{_distribution(m)}'),
+        ("num xyz", "at", position),
+        ("num", "sigma", f'<span title="along x, y, z: {axes} mm">{_length(sigma)}</span>'),
+        ("num", "size", " × ".join(f"{100 * s:.0f}" for s in m.size_m)),
+        ("num", "seen", f'{m.observations}<small class="unit"> ×</small>'),
+        ("num", "first – last", f'<span title="stamps {m.first_seen_s:.3f} to {m.last_seen_s:.3f} s">{first:.1f} – {last:.1f} s</span>'),
+        ("history", "called", _history(history, context)),
+    )
+    body = "".join(f'<td class="{kind}"{f" data-name={chr(34)}{name}{chr(34)}" if name else ""}>{cell}</td>' for kind, name, cell in cells)
+    return f'<tr id="landmark-{m.id}" class="{m.state}"{data}>{body}</tr>'
+
+
+def _length(metres: float) -> str:
+    if not np.isfinite(metres):
+        return "unknown"
+    return f"{1000 * metres:.1f} mm" if metres < 0.01 else f"{100 * metres:.1f} cm" if metres < 1 else f"{metres:.2f} m"
+
+
+def _picture(crop: Crop | None, m: Landmark) -> str:
+    if crop is None:
+        return '<div class="crop empty">no picture</div>'
+    data = base64.b64encode(crop.jpeg).decode("ascii")
+    left, top, right, bottom = (100 * share for share in crop.box_share)
+    frame = f"left:{left:.1f}%;top:{top:.1f}%;width:{right - left:.1f}%;height:{bottom - top:.1f}%"
+    name = escaped(f"best view of {clean_text(m.label) or 'an unnamed object'} #{m.id}, t = {crop.timestamp_s:.3f} s", 240)
+    return (
+        f'<div class="crop"><span><img src="data:image/jpeg;base64,{data}" width="{crop.width_px}" height="{crop.height_px}" '
+        f'alt="{name}" title="{name}"><i style="{frame}"></i></span></div>'
+    )
+
+
+def _distribution(m: Landmark) -> str:
+    ranked = sorted(m.labels.items(), key=lambda item: (-item[1], item[0]))
+    if len(ranked) < 2:
+        return ""
+    shown = "".join(
+        f'<li><i style="width:{100 * min(max(weight, 0.0), 1.0):.0f}%"></i><span>{escaped(label, 40)}</span><em>{weight:.0%}</em></li>'
+        for label, weight in ranked[:_SHOWN_LABELS]
+    )
+    more = f"<li><span>and {len(ranked) - _SHOWN_LABELS} more</span></li>" if len(ranked) > _SHOWN_LABELS else ""
+    return f'<ul class="shares">{shown}{more}</ul>'
+
+
+def _history(runs: Sequence[LabelRun], context: TableContext) -> str:
+    if not runs:
+        return '<span class="dim">not recorded</span>'
+    width, height = _STRIP_PX
+    scale = width / max(context.end_s - context.start_s, 1e-9)
+    bars = "".join(
+        f'<rect class="{context.colours.css_class(run.label)}" x="{(run.first_s - context.start_s) * scale:.1f}" '
+        f'width="{max((run.last_s - run.first_s) * scale, _LEAST_RUN_PX):.1f}" height="{height:g}"><title>'
+        f"{_name(run.label)}: {run.count} times, {run.first_s - context.start_s:.1f} to {run.last_s - context.start_s:.1f} s"
+        "</title></rect>"
+        for run in runs
+    )
+    window = f'viewBox="0 0 {width:g} {height:g}" preserveAspectRatio="none"'
+    strip = f'<svg class="strip" {window} role="img" aria-label="labels over time">{bars}</svg>'
+    return f"{strip}<small>{_changes(runs)}</small>"
+
+
+def _changes(runs: Sequence[LabelRun]) -> str:
+    """The labels in order, repeats folded, sightings without a label left out: "cup → mug → cup, 3 more changes"."""
+    named = [run.label or "" for run in runs if run.label] or [""]
+    names = [name for i, name in enumerate(named) if i == 0 or named[i - 1] != name]
+    more = len(names) - _SHOWN_CHANGES
+    return " → ".join(_name(name) for name in names[:_SHOWN_CHANGES]) + (f" … {more} more changes" if more > 0 else "")
+
+
+def _name(label: str | None) -> str:
+    return escaped(label or "", 40) or "(no label)"

@@ -1,0 +1,150 @@
+"""Reads the content of ``run.json`` for the report. Every key may be absent; what has another form is left out, not an error."""
+
+import math
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from seo_slam.report.crops import ReportRecorder
+from seo_slam.report.escaping import clean_text, plain
+
+_KNOWN = {"dataset", "counts", "seconds_per_stage", "warnings", "events", "versions", "config", "peak_memory_mb"}
+MESSAGE_LIMIT = 500
+
+
+@dataclass(frozen=True, slots=True)
+class StageSeconds:
+    """How long one stage took a keyframe (or a frame), seconds; None where not given."""
+
+    name: str
+    p50_s: float | None
+    p95_s: float | None
+    max_s: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class EventLine:
+    """One line of the map's history; ``timestamp_s`` is None where not known."""
+
+    timestamp_s: float | None
+    kind: str
+    landmark_id: str
+    detail: str
+    source: str
+
+
+@dataclass(frozen=True, slots=True)
+class RunFacts:
+    """What is known of a run.
+
+    Attributes:
+        dataset: path or name of the recording, "" if unknown.
+        counts: name -> number.
+        stages: in the order of the run.
+        warnings: message -> how often, the commonest first.
+        event_counts: kind -> how often.
+        events: the newest ones, oldest first.
+        versions: package -> version.
+        config, rest: as given, made plain; ``rest`` is what has no place of its own.
+        peak_memory_mb: None if unknown.
+    """
+
+    dataset: str
+    counts: dict[str, int | float]
+    stages: tuple[StageSeconds, ...]
+    warnings: dict[str, int]
+    event_counts: dict[str, int]
+    events: tuple[EventLine, ...]
+    versions: dict[str, str]
+    config: dict[str, Any]
+    rest: dict[str, Any]
+    peak_memory_mb: float | None
+
+    @property
+    def warning_total(self) -> int:
+        """All warnings, repeated ones counted each time."""
+        return sum(self.warnings.values())
+
+
+def read_run(run: Mapping[str, Any], recorder: ReportRecorder | None) -> RunFacts:
+    """Sort ``run`` out; events come from ``run["events"]``, else from the recorder."""
+    event_counts, events = _events(run.get("events"), recorder)
+    return RunFacts(
+        dataset=clean_text(run.get("dataset") or "", MESSAGE_LIMIT),
+        counts={clean_text(key): n for key, value in _mapping(run, "counts").items() if (n := _number(value)) is not None},
+        stages=tuple(_stage(name, times) for name, times in _mapping(run, "seconds_per_stage").items()),
+        warnings=_warnings(run.get("warnings")),
+        event_counts=event_counts,
+        events=events,
+        versions={clean_text(key): clean_text(value) for key, value in _mapping(run, "versions").items()},
+        config=plain(_mapping(run, "config")),
+        rest=plain({key: value for key, value in run.items() if key not in _KNOWN}),
+        peak_memory_mb=_number(run.get("peak_memory_mb")),
+    )
+
+
+def _mapping(run: Mapping[str, Any], key: str) -> Mapping[str, Any]:
+    value = run.get(key)
+    return value if isinstance(value, Mapping) else {}
+
+
+def _rows(value: Any) -> Sequence[Any]:
+    return value if isinstance(value, Sequence) and not isinstance(value, str | bytes) else ()
+
+
+def _number(value: Any) -> int | float | None:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        return None
+    return value
+
+
+def _stage(name: str, times: Any) -> StageSeconds:
+    given = times if isinstance(times, Mapping) else {"p50": times}
+    return StageSeconds(clean_text(name), _number(given.get("p50")), _number(given.get("p95")), _number(given.get("max")))
+
+
+def _warnings(value: Any) -> dict[str, int]:
+    counts: Counter[str] = Counter()
+    items: Iterable[Any] = value.items() if isinstance(value, Mapping) else _rows(value)
+    for item in items:
+        if isinstance(item, Mapping):
+            message, count = item.get("message", ""), item.get("count", 1)
+        elif isinstance(item, tuple) and len(item) == 2:
+            message, count = item
+        else:
+            message, count = item, 1
+        counts[clean_text(message, MESSAGE_LIMIT)] += int(_number(count) or 1)
+    return dict(counts.most_common())
+
+
+def _events(value: Any, recorder: ReportRecorder | None) -> tuple[dict[str, int], tuple[EventLine, ...]]:
+    lines = [_event_line(item) for item in _rows(value) if isinstance(item, Mapping)]
+    if isinstance(value, Mapping):
+        given = {clean_text(kind): int(n) for kind, count in value.items() if (n := _number(count)) is not None}
+    else:
+        given = dict(Counter(line.kind for line in lines))
+    if recorder is None:
+        return given, tuple(lines)
+    recorded = tuple(
+        EventLine(
+            e.timestamp_s,
+            clean_text(e.event.kind),
+            str(e.event.landmark_id),
+            clean_text(e.event.detail or (f"into #{e.event.other_id}" if e.event.other_id is not None else ""), 300),
+            clean_text(e.event.source),
+        )
+        for e in recorder.events
+    )
+    return given or {clean_text(k): n for k, n in recorder.event_counts.items()}, tuple(lines) or recorded
+
+
+def _event_line(item: Mapping[str, Any]) -> EventLine:
+    other = item.get("other_id")
+    return EventLine(
+        _number(item.get("timestamp_s")),
+        clean_text(item.get("kind", "")),
+        clean_text(item.get("landmark_id", "")),
+        clean_text(item.get("detail") or (f"into #{other}" if other is not None else ""), 300),
+        clean_text(item.get("source", "")),
+    )
