@@ -107,6 +107,13 @@ def compose_motion(T_a_b: FloatArray, cov_ab: FloatArray, T_b_c: FloatArray, cov
     return T_a_b @ T_b_c, Ad @ cov_ab @ Ad.T + cov_bc
 
 
+def diagonal_blocks(joint: FloatArray) -> FloatArray:
+    """Return the (N, 3, 3) symmetric blocks on the diagonal of a (3N, 3N) matrix."""
+    n = joint.shape[0] // 3
+    blocks = joint.reshape(n, 3, n, 3)[np.arange(n), :, np.arange(n), :]
+    return np.asarray(0.5 * (blocks + blocks.transpose(0, 2, 1)), dtype=np.float64)
+
+
 def quaternion_from_rotation(R: ArrayLike) -> FloatArray:
     """Return the unit quaternion ``[w, x, y, z]``, w >= 0, of a rotation matrix (Shepperd's method)."""
     M = np.asarray(R, dtype=np.float64)

@@ -12,7 +12,7 @@ from seo_slam.association.label_likelihood import LabelLikelihood
 from seo_slam.composition import Parts, compose
 from seo_slam.config import Config
 from seo_slam.errors import AgentError, EditRefused, FrameError
-from seo_slam.geometry import FloatArray, compose_motion
+from seo_slam.geometry import FloatArray, compose_motion, diagonal_blocks
 from seo_slam.interfaces import AgentView
 from seo_slam.map import Map
 from seo_slam.mapping.duplicates import duplicate_pairs, projected_box
@@ -278,8 +278,7 @@ class Pipeline:
                 warnings.append("the frame has no depth, its detections cannot be placed")
         with clock.stage("associate"):
             predicted = self._estimate if motion is None else parts.smoother.predict(motion)
-            known = Landmarks.from_rows(self._objects.rows_without_covariance(parts.smoother), parts.embedder.size)
-            association = parts.associator.associate(observations, known, predicted)
+            association = parts.associator.associate(observations, self._objects.landmarks(parts.smoother), predicted)
             landmark_ids = association.landmark_ids.copy()
             landmark_ids[landmark_ids == NEW] = self._objects.new_ids(int((landmark_ids == NEW).sum()))
             used = landmark_ids != REJECTED
@@ -289,9 +288,7 @@ class Pipeline:
         self._keyframe_stamp_s = frame.timestamp_s
         self._since_keyframe = None
         with clock.stage("map"):
-            events = self._objects.integrate(
-                observations[used], landmark_ids[used], self._estimate.T_world_camera, frame.timestamp_s, keyframe_id
-            )
+            events = self._objects.integrate(observations[used], landmark_ids[used], self._estimate.T_world_camera, frame.timestamp_s)
             if self.config.map.merge_duplicates:
                 events += self._merge_duplicates(frame, landmark_ids[used])
         if parts.agents:
@@ -305,8 +302,9 @@ class Pipeline:
         return _KeyframeOutcome(detections, observations, association, landmark_ids, tuple(events))
 
     def _merge_duplicates(self, frame: Frame, seen_now: IntArray) -> list[MapEvent]:
-        rows = self._objects.rows_without_covariance(self.parts.smoother)
-        pairs = duplicate_pairs(rows, seen_now, self._objects, self._likelihood, self._estimate.T_world_camera, frame.camera)
+        ids, p_world = self.parts.smoother.positions()
+        T_world_camera = self._estimate.T_world_camera
+        pairs = duplicate_pairs(self._objects, ids, p_world, seen_now, self._likelihood, T_world_camera, frame.camera)
         return [merge_landmarks(keep_id, drop_id, self._objects, self.parts.smoother) for keep_id, drop_id in pairs]
 
     def _ask_agents(self, frame: Frame, warnings: list[str]) -> list[MapEvent]:
@@ -314,7 +312,7 @@ class Pipeline:
         for agent in self.parts.agents:
             rows = [row for row in self._objects.rows(self.parts.smoother) if row.state == "stable"]
             T = self._estimate.T_world_camera
-            boxes = {row.id: projected_box(row, T, frame.camera) for row in rows}
+            boxes = {row.id: projected_box(row.position_m, row.size_m, T, frame.camera) for row in rows}
             view = AgentView(frame, T, Landmarks.from_rows(rows), {i: box for i, box in boxes.items() if box is not None})
             try:
                 edits = list(agent.propose(view))
@@ -340,13 +338,15 @@ class Pipeline:
         gone = {event.landmark_id for event in events if event.kind in ("merged", "removed")}
         touched = {int(i) for i in landmark_ids} | {event.landmark_id for event in events}
         touched |= {event.other_id for event in events if event.other_id is not None}
-        changed = self._objects.rows(self.parts.smoother, np.array(sorted(touched - gone), dtype=np.int64))
+        ids = np.array(sorted(touched - gone), dtype=np.int64)
+        joint = self._estimate.joint_covariance(ids)
+        changed = self._objects.rows_with(ids, self._positions_of(ids), diagonal_blocks(joint[6:, 6:]))
         self.parts.store.commit(
             KeyframeRecord(
                 keyframe_id=keyframe_id,
                 timestamp_s=frame.timestamp_s,
                 T_world_camera=self._estimate.T_world_camera,
-                covariance=self._estimate.covariance,
+                covariance=joint[:6, :6],
                 T_previous_current=motion.T_previous_current if motion else np.eye(4),
                 motion_covariance=motion.covariance if motion else np.zeros((6, 6)),
                 observations=observations,
@@ -356,6 +356,10 @@ class Pipeline:
                 events=tuple(events),
             )
         )
+
+    def _positions_of(self, landmark_ids: IntArray) -> FloatArray:
+        ids, positions = self.parts.smoother.positions()
+        return positions[np.searchsorted(ids, landmark_ids)]
 
 
 def _composed(before: Motion | None, motion: Motion) -> Motion:

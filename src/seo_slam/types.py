@@ -313,14 +313,17 @@ class Estimate:
 
     Attributes:
         T_world_camera: (4, 4).
-        covariance: (6, 6), rotation first, right-perturbed.
-        joint_covariance: landmark ids (M,) -> (6 + 3M, 6 + 3M) covariance of this pose and those landmarks, in that order
-            (Sigma of Eq 4). Computed when called, since it is the dearest part of a gate.
+        joint_covariance: landmark ids (M,) -> (6 + 3M, 6 + 3M) covariance of this pose (rotation first, right-perturbed) and those
+            landmarks (world frame), in that order: Sigma of Eq 4. Computed when called, since it is the dearest part of a gate.
     """
 
     T_world_camera: FloatArray
-    covariance: FloatArray
     joint_covariance: Callable[[IntArray], FloatArray]
+
+    @property
+    def covariance(self) -> FloatArray:
+        """(6, 6) covariance of the pose alone."""
+        return self.joint_covariance(np.zeros(0, dtype=np.int64))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

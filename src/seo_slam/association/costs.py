@@ -3,7 +3,7 @@
 import numpy as np
 
 from seo_slam.geometry import FloatArray
-from seo_slam.types import Estimate, Landmarks, Observations
+from seo_slam.types import BoolArray, Estimate, Landmarks, Observations
 
 
 def predicted_measurements(estimate: Estimate, landmarks: Landmarks) -> tuple[FloatArray, FloatArray]:
@@ -56,3 +56,28 @@ def mahalanobis(observations: Observations, predicted: FloatArray, predicted_cov
     squared = np.einsum("kni,kni->kn", innovation, solved)
     log_det = np.linalg.slogdet(2.0 * np.pi * C)[1]
     return np.asarray(squared, dtype=np.float64), np.asarray(log_det, dtype=np.float64)
+
+
+LANDMARK_SIGMA_M = 0.25
+"""A landmark whose own position, relative to the camera's, is less certain than this cannot be told apart from others anyway."""
+
+
+def within_reach(
+    observations: Observations, landmarks: Landmarks, estimate: Estimate, search_distance_m: float, threshold: float
+) -> BoolArray:
+    """Return (N,) bool: landmarks that could pass the gate of some observation, so that only they need the joint covariance.
+
+    A landmark must lie within the search distance of the camera (III-B), and nearer to an observation than the gate's radius under
+    the observation's, the pose's and ``LANDMARK_SIGMA_M`` of uncertainty, each taken in its worst direction.
+    """
+    R = estimate.T_world_camera[:3, :3]
+    p_camera = (landmarks.p_world - estimate.T_world_camera[:3, 3]) @ R
+    range_m = np.linalg.norm(p_camera, axis=1)
+    if len(observations) == 0 or len(landmarks) == 0:
+        return np.zeros(len(landmarks), dtype=np.bool_)
+    pose = estimate.covariance
+    pose_sigma = np.sqrt(np.trace(pose[3:, 3:])) + range_m * np.sqrt(np.trace(pose[:3, :3]))
+    own_sigma = np.sqrt(np.trace(observations.cov_camera, axis1=1, axis2=2))
+    distance = np.linalg.norm(observations.p_camera[:, None] - p_camera[None], axis=2)
+    reach = np.sqrt(threshold) * (own_sigma[:, None] + pose_sigma[None] + LANDMARK_SIGMA_M)
+    return np.asarray((range_m < search_distance_m) & (distance < reach).any(axis=0), dtype=np.bool_)

@@ -6,9 +6,8 @@ the log likelihood ratio ``slope * cosine + offset``. ``benchmarks/label_calibra
 no recording, and makes the numbers below.
 """
 
-from collections.abc import Mapping, Sequence
-
-import numpy as np
+import math
+from collections.abc import Mapping
 
 from seo_slam.geometry import FloatArray
 from seo_slam.interfaces import Embedder
@@ -40,37 +39,33 @@ class LabelLikelihood:
     @property
     def highest(self) -> float:
         """The largest log ratio there is: the one word that the landmark always had."""
-        return float(np.log((1 - MISTAKE_SHARE) * np.exp(SAME_WORD) + MISTAKE_SHARE))
+        return math.log((1 - MISTAKE_SHARE) * math.exp(SAME_WORD) + MISTAKE_SHARE)
 
     @property
     def lowest(self) -> float:
         """The smallest log ratio there is: a word that has nothing to do with the landmark's, so it may be a mistake."""
-        return float(np.log(MISTAKE_SHARE))
+        return math.log(MISTAKE_SHARE)
 
-    def log_ratio(self, labels: Sequence[str | None], distributions: Sequence[Mapping[str, float]]) -> FloatArray:
-        """Return (K, N): log P(label | it is landmark n) - log P(label | it is another thing).
+    def log_ratio(self, label: str | None, distribution: Mapping[str, float]) -> float:
+        """Return log P(label | it is this landmark) - log P(label | it is another thing).
 
         The landmark's words vote by weight; the share of mistakes bounds it from below. 0 where either has no label.
         """
-        out = np.zeros((len(labels), len(distributions)))
-        for k, label in enumerate(labels):
-            for n, distribution in enumerate(distributions):
-                if label and distribution:
-                    mean = sum(weight * self._ratio(label, word) for word, weight in distribution.items())
-                    mean /= sum(distribution.values())
-                    out[k, n] = np.log((1 - MISTAKE_SHARE) * mean + MISTAKE_SHARE)
-        return out
+        if not label or not distribution:
+            return 0.0
+        mean = sum(weight * self._ratio(label, word) for word, weight in distribution.items()) / sum(distribution.values())
+        return math.log((1 - MISTAKE_SHARE) * mean + MISTAKE_SHARE)
 
     def between(self, a: Mapping[str, float], b: Mapping[str, float]) -> float:
         """Return the same for two distributions: the words of ``a`` as if observed, averaged by weight."""
         if not a or not b:
             return 0.0
-        weights = np.array(list(a.values()))
-        return float(np.log(weights / weights.sum() @ np.exp(self.log_ratio(list(a), [b])[:, 0])))
+        mean = sum(weight * math.exp(self.log_ratio(word, b)) for word, weight in a.items()) / sum(a.values())
+        return math.log(mean)
 
     def _ratio(self, a: str, b: str) -> float:
         if a == b:
-            return float(np.exp(SAME_WORD))
+            return math.exp(SAME_WORD)
         key = (a, b) if a < b else (b, a)
         if key not in self._ratios:
             self._ratios[key] = self._ratio_of_different(*key)
@@ -83,4 +78,4 @@ class LabelLikelihood:
             if word not in self._vectors:
                 self._vectors[word] = self._embedder.embed_text([word])[0]
         cosine = float(self._vectors[a] @ self._vectors[b])
-        return float(np.exp(min(self._slope * cosine + self._offset, SAME_WORD)))
+        return math.exp(min(self._slope * cosine + self._offset, SAME_WORD))

@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.stats import chi2
 
-from seo_slam.association.costs import mahalanobis, predicted_measurements
+from seo_slam.association.costs import mahalanobis, predicted_measurements, within_reach
 from seo_slam.config import AssociationSettings
 from seo_slam.interfaces import Associator
 from seo_slam.types import NEW, Association, Estimate, Landmarks, Observations
@@ -19,7 +19,7 @@ class NearestAssociator(Associator):
 
     def associate(self, observations: Observations, landmarks: Landmarks, estimate: Estimate) -> Association:
         """See ``interfaces.Associator``."""
-        near = np.linalg.norm(landmarks.p_world - estimate.T_world_camera[:3, 3], axis=1) < self._settings.search_distance_m
+        near = within_reach(observations, landmarks, estimate, self._settings.search_distance_m, self._threshold)
         candidates = landmarks[near]
         squared, _ = mahalanobis(observations, *predicted_measurements(estimate, candidates))
         ids = np.full(len(observations), NEW, dtype=np.int64)

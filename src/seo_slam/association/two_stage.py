@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import chi2
 
-from seo_slam.association.costs import mahalanobis, predicted_measurements
+from seo_slam.association.costs import mahalanobis, predicted_measurements, within_reach
 from seo_slam.association.label_likelihood import LabelLikelihood
 from seo_slam.config import AssociationSettings
 from seo_slam.geometry import FloatArray
@@ -52,7 +52,7 @@ class TwoStageAssociator(Associator):
 
     def associate(self, observations: Observations, landmarks: Landmarks, estimate: Estimate) -> Association:
         """See ``interfaces.Associator``."""
-        near = np.linalg.norm(landmarks.p_world - estimate.T_world_camera[:3, 3], axis=1) < self._settings.search_distance_m
+        near = within_reach(observations, landmarks, estimate, self._settings.search_distance_m, self._threshold)
         candidates = landmarks[near]
         gate = self.gate(observations, candidates, estimate)
         columns = self._assign(gate)
@@ -76,7 +76,9 @@ class TwoStageAssociator(Associator):
             named = np.array([bool(label) for label in observations.labels], dtype=np.bool_)[:, None]
             named = named & np.array([bool(words) for words in candidates.labels], dtype=np.bool_)[None, :]
             return Gate(allowed & (similar | ~named), squared, self._threshold)
-        semantic = self._likelihood.log_ratio(observations.labels, candidates.labels)
+        semantic = np.zeros(squared.shape)
+        for k, n in zip(*np.nonzero(allowed), strict=True):
+            semantic[k, n] = self._likelihood.log_ratio(observations.labels[k], candidates.labels[n])
         geometric = -0.5 * (squared + log_det) - np.log(CLUTTER_PER_M3)
         allowed &= np.greater(semantic + geometric, 0.0)
         surprise = 2.0 * np.maximum(self._likelihood.highest - semantic, 0.0)

@@ -12,7 +12,7 @@ from gtsam.symbol_shorthand import L, X
 
 from seo_slam.config import SmootherSettings
 from seo_slam.errors import OptimizationError, UnknownLandmarkError
-from seo_slam.geometry import FloatArray, adjoint, inverse, require_transform
+from seo_slam.geometry import FloatArray, adjoint, diagonal_blocks, inverse, require_transform
 from seo_slam.types import Estimate, IntArray, Landmarks, Motion, Observations
 
 _JOINT_AT_ONCE = 40
@@ -43,6 +43,7 @@ class GtsamSmoother:
         self._new_values = gtsam.Values()
         self._new_owners: list[int | None] = []  # landmark of each factor in _new_graph
         self._T_last = np.eye(4)
+        self._positions: tuple[IntArray, FloatArray] | None = None  # until the graph changes
 
     def start(self, T_world_camera: FloatArray, covariance: FloatArray, landmarks: Landmarks | None = None) -> Estimate:
         """See ``interfaces.Smoother``."""
@@ -71,7 +72,6 @@ class GtsamSmoother:
 
         return Estimate(
             T_world_camera=self._T_last @ motion.T_previous_current,
-            covariance=joint_covariance(np.zeros(0, dtype=np.int64)),
             joint_covariance=joint_covariance,
         )
 
@@ -110,17 +110,19 @@ class GtsamSmoother:
 
     def positions(self) -> tuple[IntArray, FloatArray]:
         """See ``interfaces.Smoother``."""
-        ids = np.array(sorted(self._landmarks), dtype=np.int64)
-        points = [self._isam.calculateEstimatePoint3(L(int(i))) for i in ids]
-        return ids, np.array(points, dtype=np.float64).reshape(len(ids), 3)
+        if self._positions is None:
+            ids = np.array(sorted(self._landmarks), dtype=np.int64)
+            points = [self._isam.calculateEstimatePoint3(L(int(i))) for i in ids]
+            self._positions = ids, np.array(points, dtype=np.float64).reshape(len(ids), 3)
+        ids, points_world = self._positions
+        return ids.copy(), points_world.copy()
 
     def covariances(self, landmark_ids: IntArray) -> FloatArray:
         """See ``interfaces.Smoother``."""
         out = np.zeros((len(landmark_ids), 3, 3))
         for start in range(0, len(landmark_ids), _JOINT_AT_ONCE):  # jointly is several times faster than one by one
             part = landmark_ids[start : start + _JOINT_AT_ONCE]
-            joint = self._joint(part)[6:, 6:].reshape(len(part), 3, len(part), 3)
-            out[start : start + len(part)] = joint[np.arange(len(part)), :, np.arange(len(part)), :]
+            out[start : start + len(part)] = diagonal_blocks(self._joint(part)[6:, 6:])
         return out
 
     def poses(self) -> FloatArray:
@@ -131,7 +133,6 @@ class GtsamSmoother:
     def _estimate(self) -> Estimate:
         return Estimate(
             T_world_camera=self._T_last.copy(),
-            covariance=self._joint(np.zeros(0, dtype=np.int64)),
             joint_covariance=self._joint,
         )
 
@@ -180,6 +181,7 @@ class GtsamSmoother:
 
     def _flush(self, remove_indices: list[int]) -> None:
         """Give ISAM2 the pending factors and values, and take factors out."""
+        self._positions = None
         try:
             result = self._isam.update(self._new_graph, self._new_values, remove_indices)
         except RuntimeError as error:

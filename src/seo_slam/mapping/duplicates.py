@@ -5,9 +5,11 @@ import numpy as np
 from seo_slam.association.label_likelihood import LabelLikelihood
 from seo_slam.camera import Camera
 from seo_slam.geometry import FloatArray, inverse, transform_points
-from seo_slam.mapping.object_map import ObjectMap
+from seo_slam.mapping.object_map import ObjectMap, Thing
 from seo_slam.perception.boxes import containment
-from seo_slam.types import IntArray, Landmark
+from seo_slam.types import BoolArray, IntArray
+
+_CORNERS = 0.5 * np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
 
 LARGEST_SIZE_RATIO = 3.0
 """Two views of one thing may differ this much in extent (one was cut or half hidden)."""
@@ -17,9 +19,10 @@ LEAST_BOX_OVERLAP = 0.5
 
 
 def duplicate_pairs(
-    landmarks: list[Landmark],
-    seen_now: IntArray,
     object_map: ObjectMap,
+    ids: IntArray,
+    p_world: FloatArray,
+    seen_now: IntArray,
     likelihood: LabelLikelihood,
     T_world_camera: FloatArray,
     camera: Camera,
@@ -27,54 +30,62 @@ def duplicate_pairs(
     """Return pairs ``(keep_id, drop_id)``, no id twice, that are one thing beyond doubt.
 
     Both are each other's nearest, one lies within the extent of the other, labels and sizes are compatible, their boxes overlap
-    in the image, and they were not detected apart in several keyframes. Only landmarks near one of ``seen_now`` are looked at. The one
-    seen more often (the older on a tie) is kept.
+    in the image, and they were not detected apart in several keyframes. The one seen more often (the older on a tie) is kept.
+
+    Args:
+        object_map: what is known of them.
+        ids: (N,) of all landmarks.
+        p_world: (N, 3) their positions.
+        seen_now: ids seen in this keyframe; only pairs with one of them are looked at.
+        likelihood: compares labels.
+        T_world_camera: (4, 4) pose of the image.
+        camera: of the image.
     """
-    if len(landmarks) < 2:
-        return []
-    p_world = np.array([one.position_m for one in landmarks])
-    distance = np.linalg.norm(p_world[:, None] - p_world[None], axis=2)
-    np.fill_diagonal(distance, np.inf)
-    nearest = distance.argmin(axis=1)
-    fresh = {int(i) for i in seen_now}
     pairs = []
-    for a, b in enumerate(int(i) for i in nearest):
-        first, second = landmarks[a], landmarks[b]
-        if b <= a or nearest[b] != a or not {first.id, second.id} & fresh:
-            continue
+    for a, b in _mutual_nearest(p_world, np.isin(ids, seen_now)):
+        first, second = object_map[int(ids[a])], object_map[int(ids[b])]
         if (
             object_map.times_apart(first.id, second.id) < object_map.settings.separate_frames
-            and _one_within_other(first, second, float(distance[a, b]))
+            and _one_within_other(first, second, float(np.linalg.norm(p_world[a] - p_world[b])))
             and _compatible_size(first, second)
-            and likelihood.between(first.labels, second.labels) >= 0.0
-            and _overlap_in_image(first, second, T_world_camera, camera)
+            and likelihood.between(first.distribution(), second.distribution()) >= 0.0
+            and _overlap_in_image((first, p_world[a]), (second, p_world[b]), T_world_camera, camera)
         ):
             keep, drop = sorted((first, second), key=lambda one: (-one.observations, one.id))
             pairs.append((keep.id, drop.id))
     return pairs
 
 
-def _one_within_other(a: Landmark, b: Landmark, distance_m: float) -> bool:
-    return distance_m <= 0.5 * float(np.median(np.maximum(a.size_m, b.size_m)))
+def _mutual_nearest(p_world: FloatArray, wanted: BoolArray) -> list[tuple[int, int]]:
+    """Rows of points that are each other's nearest, one of them wanted (N,)."""
+    if len(p_world) < 2:
+        return []
+    squared = np.sum((p_world[:, None] - p_world[None]) ** 2, axis=2)
+    np.fill_diagonal(squared, np.inf)
+    nearest = squared.argmin(axis=1)
+    mutual = nearest[nearest] == np.arange(len(nearest))
+    return [(a, int(nearest[a])) for a in np.flatnonzero(mutual) if a < nearest[a] and (wanted[a] or wanted[nearest[a]])]
 
 
-def _compatible_size(a: Landmark, b: Landmark) -> bool:
-    larger, smaller = sorted((float(a.size_m.max()), float(b.size_m.max())), reverse=True)
+def _one_within_other(a: Thing, b: Thing, distance_m: float) -> bool:
+    return distance_m <= 0.5 * float(np.median(np.maximum(a.size_m(), b.size_m())))
+
+
+def _compatible_size(a: Thing, b: Thing) -> bool:
+    larger, smaller = sorted((float(a.size_m().max()), float(b.size_m().max())), reverse=True)
     return larger <= LARGEST_SIZE_RATIO * max(smaller, 1e-3)
 
 
-def _overlap_in_image(a: Landmark, b: Landmark, T_world_camera: FloatArray, camera: Camera) -> bool:
-    boxes = [projected_box(one, T_world_camera, camera) for one in (a, b)]
+def _overlap_in_image(a: tuple[Thing, FloatArray], b: tuple[Thing, FloatArray], T_world_camera: FloatArray, camera: Camera) -> bool:
+    boxes = [projected_box(p_world, thing.size_m(), T_world_camera, camera) for thing, p_world in (a, b)]
     if boxes[0] is None or boxes[1] is None:
         return False
     return bool(containment(boxes[0][None], boxes[1][None])[0, 0] >= LEAST_BOX_OVERLAP)
 
 
-def projected_box(landmark: Landmark, T_world_camera: FloatArray, camera: Camera) -> FloatArray | None:
-    """Return (4,) the box around the projected corners of a landmark's extent, or None if it is not wholly before the camera."""
-    half = 0.5 * np.maximum(landmark.size_m, 0.01)
-    signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
-    corners = transform_points(inverse(T_world_camera), landmark.position_m + signs * half)
+def projected_box(p_world: FloatArray, size_m: FloatArray, T_world_camera: FloatArray, camera: Camera) -> FloatArray | None:
+    """Return (4,) the box around the projected corners of an extent (3,) at a point (3,), None if not wholly before the camera."""
+    corners = transform_points(inverse(T_world_camera), p_world + _CORNERS * np.maximum(size_m, 0.01))
     if (corners[:, 2] < 0.05).any():
         return None
     uv = camera.project(corners)

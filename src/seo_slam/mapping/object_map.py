@@ -14,7 +14,7 @@ from seo_slam.geometry import FloatArray, transform_points
 from seo_slam.interfaces import Smoother
 from seo_slam.perception.boxes import containment
 from seo_slam.records import MapEvent
-from seo_slam.types import IntArray, Landmark, LandmarkState, Observations, heaviest
+from seo_slam.types import IntArray, Landmark, Landmarks, LandmarkState, Observations, heaviest
 
 SIZES_KEPT = 50
 """Extents remembered of each thing; their median is its size."""
@@ -33,7 +33,7 @@ class Thing:
         weights: word -> summed score of the observations that said it.
         embedding_sum: (D,) score-weighted sum of label embeddings.
         whole_sizes, cut_sizes: (3,) world extents seen in full, and cut by the image border.
-        box_px: (4,) where it was last seen, in the image of keyframe ``last_keyframe``.
+        fixed_label: the word an agent gave it.
     """
 
     id: int
@@ -46,17 +46,27 @@ class Thing:
     observations: int = 0
     state: LandmarkState = "tentative"
     version: int = 0
-    box_px: FloatArray | None = None
-    last_keyframe: int = -1
     fixed_label: str | None = None
+    _size_m: FloatArray | None = None
+    _words: dict[str, float] | None = None
+    _embedding: FloatArray | None = None
 
     @property
     def label(self) -> str:
         """The word that an agent gave it, else the heaviest."""
         return self.fixed_label if self.fixed_label is not None else heaviest(self.weights)
 
+    def changed(self) -> None:
+        """Forget what was derived; to be called after weights or sizes change."""
+        self._size_m = self._words = self._embedding = None
+
     def distribution(self) -> dict[str, float]:
         """Word -> share, heaviest first; an agent's word leads with at least half."""
+        if self._words is None:
+            self._words = self._distribution()
+        return self._words
+
+    def _distribution(self) -> dict[str, float]:
         total = sum(self.weights.values())
         shares = {word: weight / total for word, weight in self.weights.items()} if total > 0 else {}
         if self.fixed_label is not None:
@@ -66,14 +76,19 @@ class Thing:
 
     def size_m(self) -> FloatArray:
         """(3,) extents along the world's axes: the median of whole views, else the largest of the cut ones."""
-        if self.whole_sizes:
-            return np.median(self.whole_sizes, axis=0)
-        return np.max(self.cut_sizes, axis=0) if self.cut_sizes else np.zeros(3)
+        if self._size_m is None:
+            if self.whole_sizes:
+                self._size_m = np.median(self.whole_sizes, axis=0)
+            else:
+                self._size_m = np.max(self.cut_sizes, axis=0) if self.cut_sizes else np.zeros(3)
+        return self._size_m
 
     def embedding(self) -> FloatArray:
         """(D,) unit vector, zeros while unnamed."""
-        norm = float(np.linalg.norm(self.embedding_sum))
-        return self.embedding_sum / norm if norm > 0 else self.embedding_sum.copy()
+        if self._embedding is None:
+            norm = float(np.linalg.norm(self.embedding_sum))
+            self._embedding = self.embedding_sum / norm if norm > 0 else self.embedding_sum.copy()
+        return self._embedding
 
 
 class ObjectMap:
@@ -122,7 +137,6 @@ class ObjectMap:
         landmark_ids: IntArray,
         T_world_camera: FloatArray,
         timestamp_s: float,
-        keyframe_id: int,
     ) -> list[MapEvent]:
         """Fold the observations (K rows) of one keyframe into the things ``landmark_ids`` (K,), all >= 0; new ids make new things."""
         events = []
@@ -130,7 +144,7 @@ class ObjectMap:
             if landmark_id not in self.things:
                 self.things[landmark_id] = Thing(landmark_id, timestamp_s, timestamp_s, np.zeros(self.embedding_size))
                 events.append(MapEvent("created", landmark_id, observations.labels[row] or ""))
-            events += self._integrate_one(self.things[landmark_id], observations, row, T_world_camera, timestamp_s, keyframe_id)
+            events += self._integrate_one(self.things[landmark_id], observations, row, T_world_camera, timestamp_s)
         self._count_apart(landmark_ids, observations.boxes_px)
         return events
 
@@ -141,7 +155,6 @@ class ObjectMap:
         row: int,
         T_world_camera: FloatArray,
         timestamp_s: float,
-        keyframe_id: int,
     ) -> list[MapEvent]:
         before = thing.label
         label, score = observations.labels[row], float(observations.scores[row])
@@ -150,9 +163,8 @@ class ObjectMap:
             thing.embedding_sum = thing.embedding_sum + score * observations.embeddings[row]
         thing.observations += 1
         thing.last_seen_s = timestamp_s
-        thing.box_px = observations.boxes_px[row]
-        thing.last_keyframe = keyframe_id
         self._remember_size(thing, observations, row, T_world_camera)
+        thing.changed()
         events = []
         if before and thing.label != before:
             thing.version += 1
@@ -168,7 +180,7 @@ class ObjectMap:
         cloud = transform_points(T_world_camera, observations.clouds[row])
         if not len(cloud):
             return
-        low, high = np.percentile(cloud, (3.0, 97.0), axis=0)
+        low, high = _inner_extent(cloud)
         kept = thing.cut_sizes if observations.truncated[row].any() else thing.whole_sizes
         kept.append(np.asarray(high - low, dtype=np.float64))
         del kept[:-SIZES_KEPT]
@@ -198,6 +210,7 @@ class ObjectMap:
         if "stable" in (keep.state, drop.state):
             keep.state = "stable"
         keep.version += 1
+        keep.changed()
         self.forget(drop_id)
 
     def forget(self, landmark_id: int) -> None:
@@ -211,20 +224,37 @@ class ObjectMap:
         thing = self[landmark_id]
         thing.fixed_label = label
         thing.version += 1
+        thing.changed()
 
-    def rows(self, smoother: Smoother, landmark_ids: IntArray | None = None) -> list[Landmark]:
-        """Show landmarks (all by default), by rising id, with positions and covariances from the smoother."""
+    def rows(self, smoother: Smoother) -> list[Landmark]:
+        """Show all landmarks, by rising id, with positions and covariances from the smoother."""
         ids, positions = smoother.positions()
-        if landmark_ids is not None:
-            chosen = np.isin(ids, landmark_ids)
-            ids, positions = ids[chosen], positions[chosen]
-        covariances = smoother.covariances(ids)
-        return [self._row(int(i), positions[n], covariances[n]) for n, i in enumerate(ids)]
+        return self.rows_with(ids, positions, smoother.covariances(ids))
 
-    def rows_without_covariance(self, smoother: Smoother) -> list[Landmark]:
-        """Show all landmarks; for association, which takes the joint covariance from the smoother itself."""
-        placeholder = PLACEHOLDER_SIGMA_M**2 * np.eye(3)
-        return [self._row(int(i), p, placeholder) for i, p in zip(*smoother.positions(), strict=True)]
+    def rows_with(self, ids: IntArray, p_world: FloatArray, cov_world: FloatArray) -> list[Landmark]:
+        """Show landmarks (N,) at positions (N, 3) with covariances (N, 3, 3) that the caller already has."""
+        return [self._row(int(i), p_world[n], cov_world[n]) for n, i in enumerate(ids)]
+
+    def landmarks(self, smoother: Smoother) -> Landmarks:
+        """Show all landmarks as a struct of arrays, for association.
+
+        Their covariances are left at a wide placeholder: an associator takes the joint one, with the pose, from the estimate.
+        """
+        ids, positions = smoother.positions()
+        things = [self[int(i)] for i in ids]
+        return Landmarks(
+            ids=ids,
+            p_world=positions,
+            cov_world=np.tile(PLACEHOLDER_SIGMA_M**2 * np.eye(3), (len(ids), 1, 1)),
+            size_m=np.array([thing.size_m() for thing in things]).reshape(len(ids), 3),
+            labels=tuple(thing.distribution() for thing in things),
+            embeddings=np.array([thing.embedding() for thing in things]).reshape(len(ids), self.embedding_size),
+            observations=np.array([thing.observations for thing in things], dtype=np.int64),
+            first_seen_s=np.array([thing.first_seen_s for thing in things], dtype=np.float64),
+            last_seen_s=np.array([thing.last_seen_s for thing in things], dtype=np.float64),
+            states=tuple(thing.state for thing in things),
+            versions=np.array([thing.version for thing in things], dtype=np.int64),
+        )
 
     def _row(self, landmark_id: int, p_world: FloatArray, cov_world: FloatArray) -> Landmark:
         thing = self[landmark_id]
@@ -233,7 +263,7 @@ class ObjectMap:
             label=thing.label,
             labels=thing.distribution(),
             position_m=p_world,
-            covariance_m2=0.5 * (cov_world + cov_world.T),
+            covariance_m2=cov_world,
             size_m=thing.size_m(),
             embedding=thing.embedding(),
             observations=thing.observations,
@@ -242,3 +272,10 @@ class ObjectMap:
             state=thing.state,
             version=thing.version,
         )
+
+
+def _inner_extent(points: FloatArray, share: float = 0.03) -> tuple[FloatArray, FloatArray]:
+    """The lowest and highest coordinate (3,) each once a share of the points (M, 3) at either end is left out."""
+    ordered = np.sort(points, axis=0)
+    cut = int(share * len(points))
+    return ordered[cut], ordered[len(points) - 1 - cut]

@@ -84,7 +84,7 @@ def _lift(box_px: FloatArray, mask: BoolArray | None, truncated: BoolArray, fram
         return None
     camera = frame.camera
     side_px = box_px[2:] - box_px[:2]
-    rough_m = float(np.sqrt(np.prod(side_px / (camera.fx, camera.fy)))) * float(np.median(depth_m))
+    rough_m = float(np.sqrt(np.prod(side_px / (camera.fx, camera.fy)))) * _weighted_median(depth_m, weight)
     inside = densest_window(depth_m, weight, length_m=float(np.clip(0.5 * rough_m, 0.05, 1.0)))
     if int(inside.sum()) < settings.min_points:
         return None
