@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 
 from seo_slam import registry
 from seo_slam.backends.sqlite_store import SqliteStore
-from seo_slam.errors import FrameError, MapError, MapFormatError, UnknownBackendError, UnknownLandmarkError
+from seo_slam.config import Component
+from seo_slam.errors import FrameError, MapError, MapFormatError, MissingBackendError, UnknownBackendError, UnknownLandmarkError
 from seo_slam.map import Map, embedder_of
 from seo_slam.testing.store import make_landmark, make_record, require_same_landmark
 
@@ -194,9 +195,34 @@ def test_the_maps_own_embedder_is_made_from_its_name(monkeypatch):
     loaded.query("cup")
     loaded.query("tv")
     assert made == ["hashed"]
-    embedder_of("sentence-transformers/all-MiniLM-L6-v2")
-    assert made[-1].name == "sentence_transformers"
-    assert made[-1].options == {"model": "sentence-transformers/all-MiniLM-L6-v2"}
+
+
+@pytest.mark.parametrize(
+    ("name", "component"),
+    [
+        ("minilm", "minilm"),
+        ("my_package.words:Words", "my_package.words:Words"),
+        ("sentence_transformers:some/model", Component(name="sentence_transformers", options={"model": "some/model"})),
+        ("some/model", Component(name="sentence_transformers", options={"model": "some/model"})),
+    ],
+)
+def test_names_of_embedders(monkeypatch, name, component):
+    made = []
+    monkeypatch.setattr(registry, "create", lambda kind, wanted: made.append(wanted))
+    embedder_of(name)
+    assert made == [component]
+
+
+def test_a_query_by_words_alone_with_the_hashed_embedder(desk, tmp_path):
+    Map([*desk.landmarks, *desk.tentative], embedder="hashed").save(tmp_path)
+    best = Map.load(tmp_path).query("books", k=1)[0]
+    assert best.landmark.label == "book"
+    assert 0.3 < best.score < 1.0
+
+
+def test_a_model_that_is_not_here_is_named(desk):
+    with pytest.raises(MissingBackendError, match=r"embedded by 'nobody/has-this-model'.*embedder=…"):
+        Map(desk.landmarks, embedder="nobody/has-this-model").query("cup")
 
 
 def test_with_embeddings_fills_every_landmark(desk):

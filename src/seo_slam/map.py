@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from seo_slam import registry
 from seo_slam.config import Component
-from seo_slam.errors import MapError, MapFormatError, UnknownLandmarkError
+from seo_slam.errors import BackendError, ConfigError, MapError, MapFormatError, MissingBackendError, UnknownLandmarkError
 from seo_slam.geometry import FloatArray
 from seo_slam.interfaces import Embedder
 from seo_slam.map_document import (
@@ -27,6 +27,7 @@ from seo_slam.types import Landmark
 
 MAP_FILE = "map.json"
 STORE_FILE = "map.db"
+_MODELS = "sentence_transformers"  # the embedder that loads a model by its name or folder
 
 _log = logging.getLogger(__name__)
 
@@ -185,7 +186,7 @@ class Map:
 
         Raises:
             MapError: the text is empty, k is below 1, or the map does not say which embedder made it.
-            MissingBackendError: the map's embedder is not installed; says what to install.
+            MissingBackendError: the map's embedder, or its model, is not on this machine; says what to install.
             UnknownBackendError: nothing of the embedder's name is known.
         """
         if not text.strip():
@@ -231,7 +232,12 @@ class Map:
         if not self._embedder:
             raise MapError("query: this map does not say which embedder made it; give one: query(text, embedder=…)")
         if self._embedder_in_use is None:
-            self._embedder_in_use = embedder_of(self._embedder)
+            try:
+                self._embedder_in_use = embedder_of(self._embedder)
+            except (BackendError, ConfigError) as error:
+                kind = type(error) if isinstance(error, BackendError) else MissingBackendError  # here the caller set nothing
+                what = f"query: the labels of this map were embedded by {self._embedder!r}, which cannot be had here"
+                raise kind(f"{what}: {error}. Or give it: query(text, embedder=…)") from error
         return self._embedder_in_use
 
     def _label_vectors(self, rows: Sequence[Landmark], model: Embedder) -> FloatArray:
@@ -256,15 +262,17 @@ class Map:
 
 
 def embedder_of(name: str) -> Embedder:
-    """Make the embedder that a map names: a registered name, "module:Class", or a sentence-transformers model.
+    """Make the embedder that a map names: a registered name, "sentence_transformers:MODEL", "module:Class", or a bare model name.
 
     Raises:
-        MissingBackendError: it is not installed; says what to install.
+        MissingBackendError: it, or its model, is not here; says what to install.
         UnknownBackendError: nothing of that name is known.
+        BackendError: it cannot be loaded.
     """
-    if name in registry.known("embedder") or ":" in name:
+    kind, colon, model = name.partition(":")
+    if name in registry.known("embedder") or (colon and kind != _MODELS):
         return cast(Embedder, registry.create("embedder", name))
-    return cast(Embedder, registry.create("embedder", Component(name="sentence_transformers", options={"model": name})))
+    return cast(Embedder, registry.create("embedder", Component(name=_MODELS, options={"model": model if colon else name})))
 
 
 def _frozen(landmark: Landmark) -> Landmark:

@@ -1,0 +1,80 @@
+"""The JSON schema of map.json, and its page in the docs."""
+
+import json
+import re
+from pathlib import Path
+
+import jsonschema
+import pytest
+
+from seo_slam.errors import MapError
+from seo_slam.map import Map
+from seo_slam.map_document import LandmarkDocument, MapDocument, map_json_schema, parse_document, write_atomically
+from seo_slam.testing.store import make_landmark
+
+DOCS = Path(__file__).resolve().parents[1] / "docs"
+
+
+def a_map():
+    return Map([make_landmark(4), make_landmark(2, (-0.0, 1e-12, 1 / 3)), make_landmark(5, state="tentative")], "poses", "minilm")
+
+
+def test_the_schema_in_the_docs_is_the_one_that_pydantic_makes():
+    wanted = json.dumps(map_json_schema(), indent=2) + "\n"
+    assert (DOCS / "map.schema.json").read_text(encoding="utf-8") == wanted
+
+
+def test_what_is_written_fulfils_the_schema():
+    jsonschema.Draft202012Validator.check_schema(map_json_schema())
+    validator = jsonschema.Draft202012Validator(map_json_schema())
+    written = json.loads(a_map().to_json())
+    assert list(validator.iter_errors(written)) == []
+    del written["landmarks"][0]["size_m"]
+    assert len(list(validator.iter_errors(written))) == 1
+
+
+def test_the_page_tells_of_every_field():
+    page = (DOCS / "map-format.md").read_text(encoding="utf-8")
+    told = set(re.findall(r"^\| `(\w+)` \|", page, re.MULTILINE))
+    fields = {field.alias or name for model in (MapDocument, LandmarkDocument) for name, field in model.model_fields.items()}
+    assert told >= fields
+
+
+def test_the_example_of_the_page_is_a_map():
+    page = (DOCS / "map-format.md").read_text(encoding="utf-8")
+    example = re.search(r"```json\n(.*?)```", page, re.DOTALL)
+    document = parse_document(example[1].encode(), "the example")
+    assert len(document.landmarks) == 1
+
+
+def test_one_line_a_landmark_rounded_and_heaviest_label_first():
+    lines = a_map().to_json().decode().splitlines()
+    row = next(line for line in lines if '"id": 2' in line)
+    assert '"position_m": [0.0, 0.0, 0.333333333]' in row
+    assert '"labels": {"cup": 0.75, "bowl": 0.25}' in row
+    assert sum('"id": ' in line for line in lines) == 3
+    assert lines[0] == "{"
+    assert lines[1] == ' "schema": "seo_slam.map/1",'
+
+
+def test_labels_of_any_script_are_readable_and_quoted():
+    label = '杯子 "</script>'
+    row = make_landmark(0)
+    named = Map([type(row)(**{name: getattr(row, name) for name in row.__slots__} | {"label": label, "labels": {label: 1.0}})])
+    text = named.to_json().decode()
+    assert '杯子 \\"</script>' in text
+    assert parse_document(text.encode(), "it").landmarks[0].label == label
+
+
+def test_a_write_that_fails_leaves_the_old_file_and_no_draft(tmp_path, monkeypatch):
+    path = tmp_path / "map.json"
+    write_atomically(path, b"old")
+
+    def no_disk(handle):
+        raise OSError("no space left")
+
+    monkeypatch.setattr("os.fsync", no_disk)
+    with pytest.raises(MapError, match="no space left"):
+        write_atomically(path, b"new")
+    assert path.read_bytes() == b"old"
+    assert [file.name for file in tmp_path.iterdir()] == ["map.json"]
