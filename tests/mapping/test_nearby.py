@@ -15,5 +15,5 @@ def test_nearest_first_border_included_lower_id_on_a_tie():
 
 @pytest.mark.parametrize(("point", "radius_m"), [([0, 0], 1.0), ([0, 0, np.inf], 1.0), (np.zeros((1, 3)), 1.0), ([0, 0, 0], -0.1)])
 def test_what_is_no_ball_is_refused(point, radius_m):
-    with pytest.raises(FrameError, match="p_world|radius_m"):
+    with pytest.raises(FrameError, match=r"p_world|radius_m"):
         require_point(point, radius_m)
