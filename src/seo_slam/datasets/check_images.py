@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from seo_slam.camera import Camera
 from seo_slam.datasets.alignment import measure_alignment
@@ -11,6 +12,7 @@ from seo_slam.datasets.recording import ImagePair, check_pair
 from seo_slam.errors import DatasetError
 from seo_slam.types import Frame
 
+_KINECT_STEP_PER_M = 2.85e-3
 Facts = dict[str, float | int | str | None]
 
 
@@ -72,34 +74,50 @@ def check_depth(frames: Sequence[Frame], scale: float | None, facts: Facts) -> l
     if zeros > 0.6:
         what = f"{100 * zeros:.0f} % of the pixels have no depth"
         findings.append(warning("depth", what, "objects need depth: check range, sunlight and the registration step"))
-    findings += _check_unit(middle_m, high_m, scale, _raw_step(seen, scale))
+    findings += _check_unit(middle_m, high_m, scale, _own_scale(frames, scale))
     at = f" at depth_scale {scale:g}" if scale else ""
     return findings or [
         ok("depth", f"half of it nearer than {middle_m:.2f} m, 95 % nearer than {high_m:.2f} m{at}; {100 * zeros:.0f} % empty")
     ]
 
 
-def _raw_step(seen_m: np.ndarray[tuple[int], np.dtype[np.float32]], scale: float | None) -> int:
-    """The step in which the stored integers count: 5 where millimetres were multiplied by 5, as TUM's are."""
-    if not scale:
-        return 1
-    return int(np.gcd.reduce(np.round(seen_m[:20000].astype(np.float64) * scale).astype(np.int64)))
+def _own_scale(frames: Sequence[Frame], scale: float | None) -> float | None:
+    found = [_scale_of_structured_light(frame.depth_m, scale) for frame in frames] if scale else []
+    known = [value for value in found if value is not None]
+    return float(np.median(known)) if len(known) > len(found) / 2 else None
 
 
-def _check_unit(middle_m: float, high_m: float, scale: float | None, raw_step: int) -> list[Finding]:
+def _scale_of_structured_light(depth_m: NDArray[np.float32], scale: float) -> float | None:
+    """The depth scale that a Kinect's disparity steps give away; None if the depth does not count in such steps.
+
+    Neighbouring values of a structured-light sensor are 2.85 mm z^2 apart (Khoshelham and Elberink, Sensors 2012), so that
+    the stored integers tell their own unit. Over TUM's recordings the estimate is 4900-4970 for a true 5000.
+    """
+    units = np.unique(np.round(depth_m[depth_m > 0].astype(np.float64) * scale))
+    if len(units) < 100:
+        return None
+    estimates = _KINECT_STEP_PER_M * units[1:] * units[:-1] / np.diff(units)
+    middle = float(np.median(estimates))
+    agree = float((np.abs(estimates / middle - 1) < 0.3).mean())
+    return middle if agree > 0.85 else None
+
+
+def _check_unit(middle_m: float, high_m: float, scale: float | None, own_scale: float | None) -> list[Finding]:
     if scale is None:
         if high_m > 50:
             what = f"depth in metres reaches {high_m:.0f} m"
             return [error("depth", what, "floating-point .npy must hold metres; these look like millimetres: divide by 1000")]
         return []
     what = f"half of the depth is nearer than {middle_m:.2f} m, 95 % nearer than {high_m:.2f} m, with depth_scale {scale:g}"
-    if scale != 5000 and raw_step % 5 == 0 and raw_step < 1000 and high_m > 4 * 0.8:
-        fix = "all stored values are multiples of 5, as in TUM files: set depth_scale to 5000"
+    likely = next((s for s in (1000.0, 5000.0) if own_scale is not None and 0.85 <= own_scale / s <= 1.1), scale)
+    if likely != scale and not 0.5 < middle_m < 3.0:  # other sensors' steps may mislead: distances must look wrong too
+        fix = f"the steps of the stored values are those of a Kinect with depth_scale {likely:g}: set that"
         return [warning("depth", what, fix)]
+    fix = f"set depth_scale: {_better_scales(middle_m * scale)}"
     if high_m > 12:
-        return [warning("depth", what + ": farther than RGB-D cameras see", f"set depth_scale: {_better_scales(middle_m * scale)}")]
+        return [warning("depth", f"{what}: farther than RGB-D cameras see", fix)]
     if middle_m < 0.3:
-        return [warning("depth", what + ": nearer than RGB-D cameras see", f"set depth_scale: {_better_scales(middle_m * scale)}")]
+        return [warning("depth", f"{what}: nearer than RGB-D cameras see", fix)]
     return []
 
 

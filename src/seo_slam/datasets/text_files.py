@@ -57,4 +57,4 @@ def read_numbers(path: Path, columns: tuple[int, ...], wanted: str) -> tuple[Flo
         if len(fields) not in allowed:
             raise DatasetError(f"{path}:{number}: got {len(fields)} columns, wanted {' or '.join(map(str, allowed))} ({wanted})")
         rows.append([to_number(field, f"{path}:{number}") for field in fields])
-    return np.array(rows, dtype=np.float64).reshape(len(rows), -1), [number for number, _ in lines]
+    return np.array(rows, dtype=np.float64).reshape(len(rows), len(rows[0]) if rows else columns[0]), [number for number, _ in lines]
