@@ -156,7 +156,7 @@ def test_the_page_says_what_it_was_given():
     assert data["seconds_per_stage"]["detection"] == {"p50": 0.1, "p95": 0.2, "max": 0.9}
     assert data["events"] == {"created": 12}
     assert data["peak_memory_mb"] == 512.0
-    for words in ("made up desk", "100.0 ms", "900.0 ms", "too small", "512 MB", "numpy"):
+    for words in ("made up desk", "100 ms", "900 ms", "too small", "512 MB", "numpy"):
         assert words in text
     assert len(page.all("tr", class_="stable")) == 9
     assert len(page.all("tr", class_="tentative")) == 3
@@ -268,6 +268,20 @@ def test_events_of_the_run_are_listed():
     assert 'href="#landmark-5"' not in text  # it left the map
     assert "into #2" in text
     assert "1.5 s" in text
+
+
+def test_events_as_run_json_has_them_are_listed_by_keyframe():
+    events = [{"keyframe": 17, "kind": "merged", "landmark": 5, "detail": "boxes overlap", "source": "pipeline", "other": 2}]
+    text = render_report(map=MadeUpMap((landmark(2),)), trajectory=EMPTY, recorder=None, run={"events": events})
+    assert "keyframe 17" in text
+    assert "into #2, boxes overlap" in text
+
+
+@pytest.mark.parametrize("complete", [True, False])
+def test_an_interrupted_run_is_said_to_be_one(complete):
+    text, _, data = page_and_data(map=MadeUpMap(), trajectory=EMPTY, recorder=None, run={"complete": complete})
+    assert ("interrupted" in text) != complete
+    assert data["complete"] is complete
 
 
 def test_the_same_input_gives_the_same_bytes_and_no_half_file(tmp_path):

@@ -105,7 +105,8 @@ def _section(name: str, title: str, body: str) -> str:
 
 def _header(facts: RunFacts, name: str) -> str:
     where = f'<p class="dim path-name">{escaped(facts.dataset, 500)}</p>' if facts.dataset != name else ""
-    return f'<header><p class="kicker">seo_slam · report of a run</p><h1>{escaped(name)}</h1>{where}</header>'
+    short = "" if facts.complete else '<p class="cut-short">The run was interrupted: this is what was seen until then.</p>'
+    return f'<header><p class="kicker">seo_slam · report of a run</p><h1>{escaped(name)}</h1>{where}{short}</header>'
 
 
 def _map_section(scene: Scene, colours: LabelColours, tentative: int) -> str:
@@ -182,6 +183,7 @@ def _page_data(
         "warnings": [{"message": message, "count": count} for message, count in facts.warnings.items()],
         "events": facts.event_counts,
         "peak_memory_mb": facts.peak_memory_mb,
+        "complete": facts.complete,
     }
 
 

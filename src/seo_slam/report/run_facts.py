@@ -6,10 +6,22 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from seo_slam.report.crops import ReportRecorder
+from seo_slam.report.crops import RecordedEvent, ReportRecorder
 from seo_slam.report.escaping import clean_text, plain
 
-_KNOWN = {"dataset", "counts", "seconds_per_stage", "warnings", "events", "versions", "config", "peak_memory_mb"}
+_KNOWN = {
+    "dataset",
+    "counts",
+    "seconds_per_stage",
+    "warnings",
+    "events",
+    "versions",
+    "config",
+    "peak_memory_mb",
+    "complete",
+    "embedder",
+    "schema",
+}
 MESSAGE_LIMIT = 500
 
 
@@ -25,9 +37,10 @@ class StageSeconds:
 
 @dataclass(frozen=True, slots=True)
 class EventLine:
-    """One line of the map's history; ``timestamp_s`` is None where not known."""
+    """One line of the map's history; ``timestamp_s`` and ``keyframe_id`` are None where not known."""
 
     timestamp_s: float | None
+    keyframe_id: int | float | None
     kind: str
     landmark_id: str
     detail: str
@@ -48,6 +61,7 @@ class RunFacts:
         versions: package -> version.
         config, rest: as given, made plain; ``rest`` is what has no place of its own.
         peak_memory_mb: None if unknown.
+        complete: False if the run was interrupted.
     """
 
     dataset: str
@@ -60,6 +74,7 @@ class RunFacts:
     config: dict[str, Any]
     rest: dict[str, Any]
     peak_memory_mb: float | None
+    complete: bool
 
     @property
     def warning_total(self) -> int:
@@ -68,7 +83,7 @@ class RunFacts:
 
 
 def read_run(run: Mapping[str, Any], recorder: ReportRecorder | None) -> RunFacts:
-    """Sort ``run`` out; events come from ``run["events"]``, else from the recorder."""
+    """Sort ``run`` out; events come from the recorder (which knows their times), else from ``run["events"]``."""
     event_counts, events = _events(run.get("events"), recorder)
     return RunFacts(
         dataset=clean_text(run.get("dataset") or "", MESSAGE_LIMIT),
@@ -81,6 +96,7 @@ def read_run(run: Mapping[str, Any], recorder: ReportRecorder | None) -> RunFact
         config=plain(_mapping(run, "config")),
         rest=plain({key: value for key, value in run.items() if key not in _KNOWN}),
         peak_memory_mb=_number(run.get("peak_memory_mb")),
+        complete=run.get("complete") is not False,
     )
 
 
@@ -124,27 +140,29 @@ def _events(value: Any, recorder: ReportRecorder | None) -> tuple[dict[str, int]
         given = {clean_text(kind): int(n) for kind, count in value.items() if (n := _number(count)) is not None}
     else:
         given = dict(Counter(line.kind for line in lines))
-    if recorder is None:
+    if recorder is None or not recorder.events:
         return given, tuple(lines)
-    recorded = tuple(
-        EventLine(
-            e.timestamp_s,
-            clean_text(e.event.kind),
-            str(e.event.landmark_id),
-            clean_text(e.event.detail or (f"into #{e.event.other_id}" if e.event.other_id is not None else ""), 300),
-            clean_text(e.event.source),
-        )
-        for e in recorder.events
-    )
-    return given or {clean_text(k): n for k, n in recorder.event_counts.items()}, tuple(lines) or recorded
+    recorded = tuple(_recorded_line(item) for item in recorder.events)
+    return given or {clean_text(kind): n for kind, n in recorder.event_counts.items()}, recorded
+
+
+def _recorded_line(item: RecordedEvent) -> EventLine:
+    e = item.event
+    detail = _detail(e.detail, e.other_id)
+    return EventLine(item.timestamp_s, item.keyframe_id, clean_text(e.kind), str(e.landmark_id), detail, clean_text(e.source))
 
 
 def _event_line(item: Mapping[str, Any]) -> EventLine:
-    other = item.get("other_id")
     return EventLine(
         _number(item.get("timestamp_s")),
+        _number(item.get("keyframe_id", item.get("keyframe"))),
         clean_text(item.get("kind", "")),
-        clean_text(item.get("landmark_id", "")),
-        clean_text(item.get("detail") or (f"into #{other}" if other is not None else ""), 300),
+        clean_text(item.get("landmark_id", item.get("landmark", ""))),
+        _detail(item.get("detail"), item.get("other_id", item.get("other"))),
         clean_text(item.get("source", "")),
     )
+
+
+def _detail(words: Any, other_id: Any) -> str:
+    into = "" if other_id is None else f"into #{clean_text(other_id)}"
+    return ", ".join(filter(None, (into, clean_text(words or "", 300))))

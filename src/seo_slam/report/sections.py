@@ -32,7 +32,7 @@ def facts_tiles(facts: RunFacts, stable: int, tentative: int, duration_s: float 
     if facts.peak_memory_mb is not None:
         tiles.append((f"{facts.peak_memory_mb:.0f} MB", "peak memory", ""))
     body = "".join(f'<div class="tile {kind}"><dd>{escaped(value)}</dd><dt>{escaped(name)}</dt></div>' for value, name, kind in tiles)
-    shown = {"frames", "keyframes", "landmarks", "stable", "tentative", "warnings"}
+    shown = {"frames", "keyframes", "landmarks_stable", "landmarks_tentative", "stable", "tentative", "warnings"}
     others = [(name, value) for name, value in facts.counts.items() if name not in shown]
     more = ", ".join(f"{escaped(name.replace('_', ' '))} {_count(value)}" for name, value in others)
     return f'<dl class="tiles">{body}</dl>' + (f'<p class="dim">Also counted: {more}.</p>' if more else "")
@@ -89,6 +89,8 @@ def _seconds(seconds: float | None) -> str:
         return "–"
     if seconds >= 1:
         return f"{seconds:.2f} s"
+    if seconds >= 0.1:
+        return f"{1000 * seconds:.0f} ms"
     return f"{1000 * seconds:.1f} ms" if seconds >= 1e-4 else f"{1e6 * seconds:.0f} µs"
 
 
@@ -119,7 +121,9 @@ def event_list(counts: dict[str, int], events: Sequence[EventLine], start_s: flo
 
 
 def _event_row(event: EventLine, start_s: float, in_map: Set[str]) -> str:
-    time = f"{event.timestamp_s - start_s:.1f} s" if event.timestamp_s is not None else "–"
+    time = f"keyframe {event.keyframe_id}" if event.keyframe_id is not None else "–"
+    if event.timestamp_s is not None:
+        time = f"{event.timestamp_s - start_s:.1f} s"
     landmark = f"#{escaped(event.landmark_id)}" if event.landmark_id else ""
     if event.landmark_id in in_map:
         landmark = f'<a href="#landmark-{escaped(event.landmark_id)}">{landmark}</a>'
