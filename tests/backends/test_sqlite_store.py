@@ -90,6 +90,25 @@ def test_reading_changes_nothing(path):
     assert path.read_bytes() == before
 
 
+def test_a_folder_that_cannot_be_written_can_be_read(path, monkeypatch):
+    fill(path)
+    connect = sqlite3.connect
+
+    def as_in_a_read_only_folder(name, **options):
+        if "mode=ro" in str(name):
+            error = sqlite3.OperationalError("unable to open database file")
+            error.sqlite_errorname = "SQLITE_CANTOPEN"
+            raise error
+        return connect(name, **options)
+
+    monkeypatch.setattr(sqlite3, "connect", as_in_a_read_only_folder)
+    with SqliteStore(path, read_only=True) as store:
+        assert len(store.keyframe_ids()) == 3
+    path.with_name("map.db-wal").write_bytes(b"left by a killed run")
+    with pytest.raises(MapError, match=r"map\.db-wal holds keyframes that a killed run left.*copy both"):
+        SqliteStore(path, read_only=True)
+
+
 def test_a_failing_commit_leaves_the_store_as_it_was_and_usable(path):
     with SqliteStore(path) as store:
         store.commit(make_record(0))

@@ -145,18 +145,29 @@ def _make(path: Path) -> None:
 
 
 def _connect_read_only(path: Path) -> sqlite3.Connection:
-    name = quote(str(path.absolute()))
-    connection = sqlite3.connect(f"file:{name}?mode=ro", uri=True, isolation_level=None, check_same_thread=False)
+    try:
+        return _connect_by_uri(path, "mode=ro")
+    except sqlite3.Error as error:
+        if not getattr(error, "sqlite_errorname", "").startswith(("SQLITE_CANTOPEN", "SQLITE_READONLY")):
+            raise
+        log = path.with_name(path.name + "-wal")
+        if log.exists() and log.stat().st_size:
+            raise MapError(
+                f"{path}: {log.name} holds keyframes that a killed run left, and reading them takes a folder that can be written: "
+                "copy both files to one"
+            ) from error
+    # In log mode SQLite wants to write beside the file even to read it; without a log there is nothing that it could miss.
+    return _connect_by_uri(path, "immutable=1")
+
+
+def _connect_by_uri(path: Path, mode: str) -> sqlite3.Connection:
+    uri = f"file:{quote(str(path.absolute()))}?{mode}"
+    connection = sqlite3.connect(uri, uri=True, isolation_level=None, check_same_thread=False)
     try:
         connection.execute("SELECT count(*) FROM sqlite_master").fetchone()
-    except sqlite3.Error as error:
+    except sqlite3.Error:
         connection.close()
-        log = path.with_name(path.name + "-wal")
-        read_only_folder = getattr(error, "sqlite_errorname", "").startswith(("SQLITE_CANTOPEN", "SQLITE_READONLY"))
-        if not read_only_folder or (log.exists() and log.stat().st_size):
-            raise
-        # In log mode SQLite wants to write beside the file even to read it; without a log there is nothing it could miss.
-        return sqlite3.connect(f"file:{name}?immutable=1", uri=True, isolation_level=None, check_same_thread=False)
+        raise
     return connection
 
 
