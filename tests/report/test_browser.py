@@ -112,7 +112,7 @@ def without_map(path, target):
     return target
 
 
-@pytest.mark.parametrize("width", WIDTHS.values(), ids=WIDTHS.keys())
+@pytest.mark.parametrize("width", [*WIDTHS.values(), 768, 1061])
 def test_the_page_holds_its_data_and_fits_the_screen(chromium, report, tmp_path, width):
     path, desk = report
     dom = Dom(chromium(framed(path, width, tmp_path / "framed.html").as_uri(), 1400, "--dump-dom"))

@@ -68,8 +68,8 @@ def landmark_table(landmarks: Sequence[Landmark], name: str, context: TableConte
     )
     rows = "".join(_row(landmark, context) for landmark in sorted(landmarks, key=lambda m: m.id))
     return (
-        f'<table class="landmarks" id="table-{name}"><thead><tr>{heads}</tr></thead><tbody>{rows}</tbody></table>'
-        f'<p class="nothing" hidden>No landmark of that name.</p>'
+        f'<div class="table-frame"><table class="landmarks" id="table-{name}"><thead><tr>{heads}</tr></thead><tbody>{rows}</tbody></table>'
+        '<p class="nothing" hidden>No landmark of that name.</p></div>'
     )
 
 
