@@ -80,18 +80,20 @@ def find(kind: str, name: str) -> Any:
         for point in entry_points(group=group(kind)):
             if point.name == name:
                 target = point.value
-    if target is None and ":" in name:
+    if target is None and all(name.partition(":")):
         target = name
     if target is None:
         near = difflib.get_close_matches(name, names, n=1)
         hint = f"did you mean {near[0]!r}? " if near else ""
-        raise UnknownBackendError(
-            f"unknown {kind} {name!r}: {hint}known: {', '.join(names) or 'none'}; or give your own as 'module:Class'"
-        )
+        raise UnknownBackendError(f"unknown {kind} {name!r}: {hint}known: {', '.join(names) or 'none'}; or give your own as 'module:Class'")
     module_name, _, attribute = target.partition(":")
     try:
         module = importlib.import_module(module_name)
     except ModuleNotFoundError as error:
+        if error.name and f"{module_name}.".startswith(f"{error.name}."):  # the plug-in itself, not a package that it needs
+            raise UnknownBackendError(
+                f"{kind} {name!r}: there is no module {error.name!r}; is it installed, or its folder in PYTHONPATH?"
+            ) from error
         raise missing(f"{kind} {name!r}", error) from error
     if not hasattr(module, attribute):
         raise UnknownBackendError(f"{kind} {name!r}: module {module_name} has no {attribute!r}")
