@@ -5,6 +5,8 @@ from typing import Annotated
 
 import typer
 
+from seo_slam.cli.progress import with_progress
+
 
 def check(
     path: Annotated[Path, typer.Argument(help="folder of the recording")],
@@ -14,9 +16,12 @@ def check(
     as_json: Annotated[bool, typer.Option("--json", help="one JSON object instead of a list")] = False,
 ) -> None:
     """Say what a recording is, whether it is sane, and what to fix. Exit status 1 if a run would fail or map wrongly."""
-    from seo_slam.datasets.checks import check_recording
+    from seo_slam.datasets.checks import RecordingCheck
 
-    report = check_recording(path, kind, camera, trajectory)
+    checking = RecordingCheck(path, kind, camera, trajectory)
+    for stage in with_progress(checking.stages, len(checking.stages), "checking"):
+        stage()
+    report = checking.report()
     if as_json:
         typer.echo(report.model_dump_json(indent=2))
     else:

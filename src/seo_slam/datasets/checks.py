@@ -64,6 +64,39 @@ class _Look:
         return Frame(pair.timestamp_s, read_rgb(pair.rgb), depth_m, self.camera, pair.index)
 
 
+class RecordingCheck:
+    """A check in stages, so that a caller can show progress: call each of ``stages`` in order, then ``report``."""
+
+    def __init__(
+        self,
+        path: str | Path,
+        kind: str = "auto",
+        camera_file: str | Path | None = None,
+        trajectory_file: str | Path | None = None,
+    ) -> None:
+        """Arguments and errors are those of ``check_recording``."""
+        if kind not in KINDS:
+            raise ConfigError(f"unknown kind of recording {kind!r} (known: {', '.join(KINDS)})")
+        self._path, self._look = path, _Look(Path(path), kind, Path(camera_file) if camera_file else None)
+        looks = (
+            _look_at_lists,
+            _look_at_camera,
+            partial(_look_at_poses_file, trajectory_file=trajectory_file),
+            _look_at_files,
+            _look_at_pixels,
+            _look_at_motion,
+        )
+        self.stages: tuple[Callable[[], None], ...] = (
+            partial(_look_at_layout, self._look),
+            *(partial(_if_known, self._look, look) for look in looks),
+        )
+
+    def report(self) -> RecordingReport:
+        """What the stages found."""
+        look = self._look
+        return RecordingReport(path=str(self._path), kind=look.kind, findings=tuple(look.findings), facts=look.facts)
+
+
 def check_recording(
     path: str | Path,
     kind: str = "auto",
@@ -83,19 +116,22 @@ def check_recording(
     Raises:
         ConfigError: unknown ``kind``.
     """
-    if kind not in KINDS:
-        raise ConfigError(f"unknown kind of recording {kind!r} (known: {', '.join(KINDS)})")
-    look = _Look(Path(path), kind, Path(camera_file) if camera_file else None)
-    layout_fix = "give the folder that holds rgb.txt and depth.txt, or rgb/ and depth/; see docs/recordings.md"
-    look.kind = look.attempt("layout", layout_fix, lambda: _layout(look.folder, kind)) or "unknown"
+    check = RecordingCheck(path, kind, camera_file, trajectory_file)
+    for stage in check.stages:
+        stage()
+    return check.report()
+
+
+def _look_at_layout(look: _Look) -> None:
+    fix = "give the folder that holds rgb.txt and depth.txt, or rgb/ and depth/; see docs/recordings.md"
+    look.kind = look.attempt("layout", fix, partial(_layout, look.folder, look.kind)) or "unknown"
     if look.kind != "unknown":
         look.findings.append(ok("layout", f"kind {look.kind}: {contents(look.folder)}"))
-        _look_at_lists(look)
-        _look_at_camera(look)
-        _look_at_poses_file(look, trajectory_file)
-        _look_at_images(look)
-        _look_at_motion(look)
-    return RecordingReport(path=str(path), kind=look.kind, findings=tuple(look.findings), facts=look.facts)
+
+
+def _if_known(look: _Look, action: Callable[[_Look], None]) -> None:
+    if look.kind != "unknown":
+        action(look)
 
 
 def _layout(folder: Path, kind: str) -> str:
@@ -154,21 +190,21 @@ def _look_at_poses_file(look: _Look, trajectory_file: str | Path | None) -> None
         look.findings.append(ok("poses", "none recorded: a run needs visual odometry (or a trajectory file)"))
 
 
-def _look_at_images(look: _Look) -> None:
+def _look_at_files(look: _Look) -> None:
+    if look.found is not None and look.camera is not None:
+        look.findings += check_files(look.found.pairs, look.camera, look.camera_source, look.scale)
+
+
+def _look_at_pixels(look: _Look) -> None:
     if look.found is None or look.camera is None:
         return
-    files = check_files(look.found.pairs, look.camera, look.camera_source, look.scale)
-    look.findings += files
     chosen = np.unique(np.linspace(0, len(look.found.pairs) - 1, _SAMPLES).astype(int))
-    if any(finding.level == "error" for finding in files):
-        frames = [frame for frame in map(_quiet(look), chosen) if frame is not None]
-    else:
-        frames = [frame for frame in map(look.frame, chosen) if frame is not None]
-    if not frames:
-        return
-    floating = look.found.pairs[0].depth.suffix.lower() == ".npy" and read_header(look.found.pairs[0].depth).floating
-    look.findings += check_depth(frames, None if floating else look.scale, look.facts)
-    look.findings += check_alignment(frames, look.facts)
+    known_broken = any(finding.topic == "images" and finding.level == "error" for finding in look.findings)
+    frames = [frame for frame in map(_quiet(look) if known_broken else look.frame, chosen) if frame is not None]
+    if frames:
+        floating = read_header(look.found.pairs[frames[0].index].depth).floating
+        look.findings += check_depth(frames, None if floating else look.scale, look.facts)
+        look.findings += check_alignment(frames, look.facts)
 
 
 def _look_at_motion(look: _Look) -> None:
