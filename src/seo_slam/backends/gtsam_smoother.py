@@ -24,7 +24,7 @@ class _LandmarkFactors:
 
     indices: list[int] = field(default_factory=list)
     measurements: list[tuple[int, FloatArray, FloatArray]] = field(default_factory=list)  # keyframe, p_camera, cov_camera
-    prior: tuple[FloatArray, FloatArray] | None = None  # p_world, cov_world of a landmark of a continued map
+    priors: list[tuple[FloatArray, FloatArray]] = field(default_factory=list)  # p_world, cov_world: what a continued map knew
 
 
 class GtsamSmoother:
@@ -102,8 +102,8 @@ class GtsamSmoother:
             raise UnknownLandmarkError(f"landmark {keep_id} cannot be merged with itself")
         self._known(keep_id)
         dropped = self._take_out(drop_id)
-        if dropped.prior is not None:
-            self._add_prior(keep_id, *dropped.prior)
+        for prior in dropped.priors:
+            self._add_prior(keep_id, *prior)
         for keyframe, p_camera, cov_camera in dropped.measurements:
             self._measure(keep_id, keyframe, p_camera, cov_camera, robust=True)
         self._flush(dropped.indices)
@@ -159,8 +159,9 @@ class GtsamSmoother:
 
     def _add_prior(self, landmark_id: int, p_world: FloatArray, cov_world: FloatArray) -> None:
         if landmark_id not in self._landmarks:
-            self._landmarks[landmark_id] = _LandmarkFactors(prior=(p_world, cov_world))
+            self._landmarks[landmark_id] = _LandmarkFactors()
             self._new_values.insert(L(landmark_id), p_world)
+        self._landmarks[landmark_id].priors.append((p_world, cov_world))
         noise = gtsam.noiseModel.Gaussian.Covariance(cov_world)
         self._add(gtsam.PriorFactorPoint3(L(landmark_id), p_world, noise), landmark_id)
 

@@ -191,7 +191,7 @@ def _bears_outliers(smoother: Smoother) -> None:
     landmarks = tiny_landmarks()
     _drive(smoother, landmarks)
     T = tiny_trajectory(7)[6]
-    wrong = tiny_observations(landmarks.p_world[:1] + np.array([0.3, 0.0, 0.0]), ("cup",), T)
-    smoother.update(_motion(6), wrong, landmarks.ids[:1], robust=True)
+    wrong = tiny_observations(landmarks.p_world[:1] + np.array([0.3, 0.0, 0.0]), ("cup",), T, _MEASUREMENT_SIGMA_M)
+    smoother.update(_exact_motion(6), wrong, landmarks.ids[:1], robust=True)
     off = float(np.linalg.norm(smoother.positions()[1][0] - landmarks.p_world[0]))
     require(off < 0.02, smoother, f"one robust measurement that is 0.3 m wrong, after six right ones, moves its landmark by {off:.3f} m")
