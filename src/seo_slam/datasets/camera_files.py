@@ -93,10 +93,11 @@ def write_camera_file(path: str | Path, camera: Camera, depth_scale: float) -> N
 
 def known_camera(folder: Path) -> Camera | None:
     """Return the published intrinsics of a TUM sequence, told by the ``# file:`` header of rgb.txt, else by the folder's name."""
-    header = ""
-    if (folder / "rgb.txt").is_file():
+    try:
         with (folder / "rgb.txt").open(encoding="utf-8", errors="replace") as lines:
             header = " ".join(line for line, _ in zip(lines, range(5), strict=False) if line.startswith("#"))
+    except OSError:  # no such list, or not ours to read: the name has to tell
+        header = ""
     match = _FREIBURG.search(header) or _FREIBURG.search(folder.resolve().name)
     return FREIBURG_CAMERAS[f"freiburg{match[1]}"] if match else None
 

@@ -1,6 +1,7 @@
 """What every recording on disk is: pairs of colour and depth images with a camera, read one frame at a time."""
 
 import logging
+import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -238,6 +239,8 @@ def require_folder(path: str | Path) -> Path:
         raise DatasetError(f"{folder}: no such folder")
     if not folder.is_dir():
         raise DatasetError(f"{folder}: is a file, wanted the folder of a recording")
+    if not os.access(folder, os.R_OK | os.X_OK):
+        raise DatasetError(f"{folder}: may not be read (permissions)")
     return folder
 
 
