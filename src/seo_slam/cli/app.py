@@ -4,7 +4,7 @@ import sys
 
 import typer
 
-from seo_slam.cli import check, doctor, evaluate, export, query, run
+from seo_slam.cli import check, demo, doctor, evaluate, export, query, run
 from seo_slam.errors import SeoSlamError
 
 app = typer.Typer(
@@ -15,6 +15,7 @@ app = typer.Typer(
     help="Object-level semantic SLAM: RGB-D frames in, a map of things out.",
 )
 
+app.command("demo")(demo.demo)
 app.command("run")(run.run)
 app.add_typer(evaluate.app, name="eval")
 app.command("doctor")(doctor.doctor)

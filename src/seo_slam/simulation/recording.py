@@ -43,7 +43,7 @@ class SimulatedDesk:
 
         Args:
             seed: of everything.
-            frames: how many, at 15 a second.
+            frames: how many, at 15 a second; with fewer of them the same arc is walked faster.
             width: of the images, pixels.
             height: of the images, pixels.
             level: how imperfect depth, odometry and detector are: 0 perfect, 1 a poor day.

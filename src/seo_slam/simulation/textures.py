@@ -74,10 +74,10 @@ def from_image(image: Pixels, tile_m: tuple[float, float], mapping: Mapping = "b
     """Return the texture of a square image (S, S, 3), values in 0..1, that repeats every ``tile_m``."""
     size = image.shape[0]
     squared = np.fft.fftfreq(size)[:, None] ** 2 + np.fft.rfftfreq(size)[None, :] ** 2
-    spectrum = np.fft.rfft2(image, axes=(0, 1))
+    spectrum = np.fft.rfft2(image.astype(np.float32), axes=(0, 1))
     levels = []
     for sigma in _BLURS_TEXELS:
-        gauss = np.exp(-2.0 * (np.pi * sigma) ** 2 * squared)[:, :, None]
+        gauss = np.exp(-2.0 * (np.pi * sigma) ** 2 * squared)[:, :, None].astype(np.float32)
         levels.append(np.fft.irfft2(spectrum * gauss, s=(size, size), axes=(0, 1)))
     return Texture(np.clip(np.stack(levels), 0.0, 1.0).astype(np.float32), tile_m, mapping)
 

@@ -10,8 +10,8 @@ import cv2
 import numpy as np
 
 from seo_slam.camera import Camera
+from seo_slam.datasets.trajectory_files import write_trajectory
 from seo_slam.errors import DatasetError
-from seo_slam.geometry import quaternion_from_rotation
 from seo_slam.records import Trajectory
 from seo_slam.simulation.detector import DetectorKnobs, SimulatedDetector
 from seo_slam.simulation.sensors import DEPTH_UNITS_PER_M, SensorKnobs
@@ -71,8 +71,8 @@ def write_recording(recording: Recording, folder: Path, frames: Iterable[Frame] 
     for name, rows in lists.items():
         _write_lines(folder / f"{name}.txt", rows)
     _write_lines(folder / "detections.jsonl", lines)
-    _write_lines(folder / "groundtruth.txt", ["# ground truth", *_tum_lines(recording.trajectory)])
-    _write_lines(folder / "odometry.txt", ["# drifting odometry", *_tum_lines(recording.odometry)])
+    write_trajectory(folder / "groundtruth.txt", recording.trajectory)
+    write_trajectory(folder / "odometry.txt", recording.odometry)
     _write_json(folder / "camera.json", _camera(recording.camera))
     _write_json(folder / "truth.json", recording.truth)
     knobs = {
@@ -119,13 +119,6 @@ def _camera(camera: Camera) -> dict[str, Any]:
         "depth_scale": DEPTH_UNITS_PER_M,
         "distortion": list(camera.distortion),
     }
-
-
-def _tum_lines(trajectory: Trajectory) -> Iterable[str]:
-    """``timestamp tx ty tz qx qy qz qw`` a line."""
-    for timestamp_s, T in zip(trajectory.timestamps_s, trajectory.T_world_camera, strict=True):
-        w, x, y, z = quaternion_from_rotation(T[:3, :3])
-        yield " ".join([f"{timestamp_s:.6f}", *(f"{value:.9f}" for value in (*T[:3, 3], x, y, z, w))])
 
 
 def _detections_line(timestamp_s: float, detections: Detections) -> str:
