@@ -256,6 +256,14 @@ def test_a_run_of_another_form_leaves_gaps_not_errors(run):
     page_and_data(map=MadeUpMap((landmark(1),)), trajectory=circle_trajectory(1), recorder=None, run=run)
 
 
+def test_a_slow_start_of_one_stage_does_not_hide_the_others():
+    slow_start = {"observe": {"p50": 0.003, "p95": 0.7, "max": 12.0}, "detect": {"p50": 0.02, "p95": 0.04, "max": 0.05}}
+    text = render_report(map=MadeUpMap(), trajectory=EMPTY, recorder=None, run={"seconds_per_stage": slow_start})
+    detect = text[text.index(">detect<") :]
+    assert float(re.search(r'class="p50" style="width:([\d.]+)%', detect).group(1)) > 20
+    assert text.count('class="max beyond"') == 1
+
+
 def test_warnings_are_folded_and_counted():
     _, _, data = page_and_data(map=MadeUpMap(), trajectory=EMPTY, recorder=None, run={"warnings": ["late", "late", "dark"]})
     assert data["warnings"] == [{"message": "late", "count": 2}, {"message": "dark", "count": 1}]

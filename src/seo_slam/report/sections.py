@@ -55,10 +55,10 @@ def _count(value: float | None) -> str:
 
 
 def stage_bars(stages: Sequence[StageSeconds]) -> str:
-    """Median (dark), 95th percentile (light) and maximum (tick) of every stage, on one scale up to the greatest p95."""
+    """Median (dark), 95th percentile (light) and maximum (tick) of every stage, on one scale."""
     if not stages:
         return '<p class="dim">No times were given.</p>'
-    top = max([s.p95_s or s.p50_s or 0.0 for s in stages]) or 1e-9
+    top = _scale_end_s(stages)
     rows = "".join(_stage_row(stage, top * 1.02) for stage in stages)
     return (
         '<table class="stages"><thead><tr><th scope="col">stage</th><th scope="col" class="bars"></th><th scope="col">p50</th>'
@@ -66,6 +66,12 @@ def stage_bars(stages: Sequence[StageSeconds]) -> str:
         '<p class="legend"><span><i class="key p50"></i>median</span><span><i class="key p95"></i>95 % are below</span>'
         f'<span><i class="key max"></i>maximum (an arrow: beyond the scale)</span><span>scale ends at {_seconds(top)}</span></p>'
     )
+
+
+def _scale_end_s(stages: Sequence[StageSeconds]) -> float:
+    """The greatest p95, but at most four times the greatest median: the loading of a model must not hide all else."""
+    medians, high = max(s.p50_s or 0.0 for s in stages), max(s.p95_s or s.p50_s or 0.0 for s in stages)
+    return (min(high, 4 * medians) if medians > 0 else high) or 1e-9
 
 
 def _stage_row(stage: StageSeconds, top_s: float) -> str:
@@ -102,7 +108,8 @@ def warning_list(warnings: dict[str, int]) -> str:
     shown = list(warnings.items())[:_MOST_LINES]
     rows = "".join(f"<li><b>{count}×</b> {escaped(message, MESSAGE_LIMIT)}</li>" for message, count in shown)
     more = f"<li>and {kinds - len(shown)} other messages</li>" if kinds > len(shown) else ""
-    return folded(f"{total} {'warning' if total == 1 else 'warnings'}, {kinds} different", f'<ul class="warnings">{rows}{more}</ul>')
+    title = f"{total} warnings, {kinds} different" if total > 1 else "1 warning"
+    return folded(title, f'<ul class="warnings">{rows}{more}</ul>')
 
 
 def event_list(counts: dict[str, int], events: Sequence[EventLine], start_s: float, in_map: Set[str]) -> str:
