@@ -76,7 +76,7 @@ def _require_usable(boxes: FloatArray, scores: FloatArray, camera: Camera, where
     if bad.any():
         row = int(np.argmax(bad))
         raise FrameError(f"{where}, row {row}: box {boxes[row].tolist()} with score {scores[row]} is not finite")
-    bad = (boxes[:, 2:] <= boxes[:, :2]).any(axis=1)
+    bad = np.asarray((boxes[:, 2:] <= boxes[:, :2]).any(axis=1))
     if bad.any():
         row = int(np.argmax(bad))
         raise FrameError(f"{where}, row {row}: box is {boxes[row].tolist()}, wanted x0 < x1 and y0 < y1 (x0, y0, x1, y1 in pixels)")
