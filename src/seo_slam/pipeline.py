@@ -1,7 +1,7 @@
 """SEO-SLAM's main loop: one frame in, one result out, nothing else happens (paper III-A, III-B)."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -20,6 +20,7 @@ from seo_slam.mapping.edits import apply_edit, merge_landmarks
 from seo_slam.mapping.keyframes import is_keyframe
 from seo_slam.mapping.object_map import ObjectMap
 from seo_slam.perception.adapters import to_detections
+from seo_slam.perception.cut_boxes import completed
 from seo_slam.perception.lifting import observe
 from seo_slam.records import KeyframeRecord, MapEvent, StepResult, Trajectory
 from seo_slam.stages import StageClock
@@ -283,7 +284,8 @@ class Pipeline:
             landmark_ids[landmark_ids == NEW] = self._objects.new_ids(int((landmark_ids == NEW).sum()))
             used = landmark_ids != REJECTED
         with clock.stage("smooth"):
-            self._estimate = parts.smoother.update(motion, observations[used], landmark_ids[used])
+            whole = self._completed(observations[used], landmark_ids[used])
+            self._estimate = parts.smoother.update(motion, whole, landmark_ids[used])
         self._keyframes += 1
         self._keyframe_stamp_s = frame.timestamp_s
         self._since_keyframe = None
@@ -300,6 +302,14 @@ class Pipeline:
         self._counts.observations += len(observations)
         self._counts.events += [(keyframe_id, event) for event in events]
         return _KeyframeOutcome(detections, observations, association, landmark_ids, tuple(events))
+
+    def _completed(self, observations: Observations, landmark_ids: IntArray) -> Observations:
+        """Measure the centre of the whole thing where the image border cuts a box."""
+        across_m = self._objects.across_m(landmark_ids)
+        p_camera, cov_camera = completed(
+            observations.p_camera, observations.cov_camera, observations.size_m, observations.truncated, across_m
+        )
+        return replace(observations, p_camera=p_camera, cov_camera=cov_camera)
 
     def _merge_duplicates(self, frame: Frame, seen_now: IntArray) -> list[MapEvent]:
         ids, p_world = self.parts.smoother.positions()

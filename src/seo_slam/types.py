@@ -239,7 +239,8 @@ class Landmark:
 class Landmarks(_Rows):
     """Many landmarks as a struct of arrays; the attributes are those of ``Landmark``, one row each.
 
-    Positions and covariances are in the world frame, metres.
+    Positions and covariances are in the world frame, metres. ``across_m`` (N, 2) is the usual width and height across the line of
+    sight of views that show the thing whole, 0 where there was none.
     """
 
     ids: IntArray
@@ -253,6 +254,7 @@ class Landmarks(_Rows):
     last_seen_s: FloatArray
     states: tuple[LandmarkState, ...]
     versions: IntArray
+    across_m: FloatArray
 
     def __len__(self) -> int:
         return len(self.labels)
@@ -274,6 +276,7 @@ class Landmarks(_Rows):
             last_seen_s=np.array([r.last_seen_s for r in rows], dtype=np.float64),
             states=tuple(r.state for r in rows),
             versions=np.array([r.version for r in rows], dtype=np.int64),
+            across_m=np.zeros((n, 2)),
         )
 
 

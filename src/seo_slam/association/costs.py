@@ -3,6 +3,7 @@
 import numpy as np
 
 from seo_slam.geometry import FloatArray
+from seo_slam.perception.cut_boxes import completed
 from seo_slam.types import BoolArray, Estimate, Landmarks, Observations
 
 
@@ -36,11 +37,16 @@ def predicted_measurements(estimate: Estimate, landmarks: Landmarks) -> tuple[Fl
     return p_camera, np.asarray(0.5 * (cov + cov.transpose(0, 2, 1)), dtype=np.float64)
 
 
-def mahalanobis(observations: Observations, predicted: FloatArray, predicted_cov: FloatArray) -> tuple[FloatArray, FloatArray]:
+def mahalanobis(
+    observations: Observations, landmarks: Landmarks, predicted: FloatArray, predicted_cov: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """Compare every observation with every predicted landmark.
+
+    A box cut by the image border is first completed by the landmark's usual size, see ``perception.cut_boxes``.
 
     Args:
         observations: K rows.
+        landmarks: N rows.
         predicted: (N, 3) camera frame.
         predicted_cov: (N, 3, 3) ``H Sigma H^T``.
 
@@ -50,8 +56,15 @@ def mahalanobis(observations: Observations, predicted: FloatArray, predicted_cov
     if len(observations) == 0 or len(predicted) == 0:
         empty = np.zeros((len(observations), len(predicted)))
         return empty, empty.copy()
-    C = predicted_cov[None] + observations.cov_camera[:, None]
-    innovation = observations.p_camera[:, None] - predicted[None]
+    p_camera, gamma = completed(
+        observations.p_camera[:, None],
+        observations.cov_camera[:, None],
+        observations.size_m[:, None],
+        observations.truncated[:, None],
+        landmarks.across_m[None],
+    )
+    C = predicted_cov[None] + gamma
+    innovation = p_camera - predicted[None]
     solved = np.linalg.solve(C, innovation[..., None])[..., 0]
     squared = np.einsum("kni,kni->kn", innovation, solved)
     log_det = np.linalg.slogdet(2.0 * np.pi * C)[1]
@@ -79,5 +92,6 @@ def within_reach(
     pose_sigma = np.sqrt(np.trace(pose[3:, 3:])) + range_m * np.sqrt(np.trace(pose[:3, :3]))
     own_sigma = np.sqrt(np.trace(observations.cov_camera, axis1=1, axis2=2))
     distance = np.linalg.norm(observations.p_camera[:, None] - p_camera[None], axis=2)
-    reach = np.sqrt(threshold) * (own_sigma[:, None] + pose_sigma[None] + LANDMARK_SIGMA_M)
+    unseen_m = 0.5 * np.linalg.norm(landmarks.across_m, axis=1)
+    reach = np.sqrt(threshold) * (own_sigma[:, None] + pose_sigma[None] + LANDMARK_SIGMA_M) + unseen_m[None]
     return np.asarray((range_m < search_distance_m) & (distance < reach).any(axis=0), dtype=np.bool_)

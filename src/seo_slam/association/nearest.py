@@ -21,7 +21,7 @@ class NearestAssociator(Associator):
         """See ``interfaces.Associator``."""
         near = within_reach(observations, landmarks, estimate, self._settings.search_distance_m, self._threshold)
         candidates = landmarks[near]
-        squared, _ = mahalanobis(observations, *predicted_measurements(estimate, candidates))
+        squared, _ = mahalanobis(observations, candidates, *predicted_measurements(estimate, candidates))
         ids = np.full(len(observations), NEW, dtype=np.int64)
         costs = np.full(len(observations), np.nan)
         taken: set[int] = set()

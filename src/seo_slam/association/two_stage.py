@@ -16,6 +16,9 @@ from seo_slam.types import NEW, REJECTED, Association, BoolArray, Estimate, IntA
 CLUTTER_PER_M3 = 50.0
 """Density of other things to expect around a thing: a cluttered desk (a dozen things on a square metre, 0.25 m high)."""
 
+FORBIDDEN = 1e6
+"""The predefined large cost of III-B; far above any dummy cost, so that a forbidden pair never wins over a new landmark."""
+
 SAME_BOX_CONTAINMENT = 0.7
 """A second box of one landmark in one image, that much inside the first, is the detector firing twice."""
 
@@ -67,7 +70,7 @@ class TwoStageAssociator(Associator):
     def gate(self, observations: Observations, candidates: Landmarks, estimate: Estimate) -> Gate:
         """Test every pair: first chi-square (Eq 7), then semantics."""
         predicted, predicted_cov = predicted_measurements(estimate, candidates)
-        squared, log_det = mahalanobis(observations, predicted, predicted_cov)
+        squared, log_det = mahalanobis(observations, candidates, predicted, predicted_cov)
         allowed: BoolArray = np.less(squared, self._threshold)
         if self._settings.semantic_gate == "none":
             return Gate(allowed, squared, self._threshold)
@@ -79,17 +82,14 @@ class TwoStageAssociator(Associator):
         semantic = np.zeros(squared.shape)
         for k, n in zip(*np.nonzero(allowed), strict=True):
             semantic[k, n] = self._likelihood.log_ratio(observations.labels[k], candidates.labels[n])
-        geometric = -0.5 * (squared + log_det) - np.log(CLUTTER_PER_M3)
-        allowed &= np.greater(semantic + geometric, 0.0)
-        surprise = 2.0 * np.maximum(self._likelihood.highest - semantic, 0.0)
-        worst = 2.0 * (self._likelihood.highest - self._likelihood.lowest) + self._threshold
-        return Gate(allowed, squared + surprise, worst)
+        # Eq 6 with its normaliser, against another thing being there: what a pair gains over a new landmark.
+        log_odds = semantic - 0.5 * (squared + log_det) - np.log(CLUTTER_PER_M3)
+        return Gate(allowed & np.greater(log_odds, 0.0), -2.0 * log_odds, 0.0)
 
     def _assign(self, gate: Gate) -> IntArray:
         """Solve the K x (N+K) problem: landmark columns, then one private dummy column an observation."""
         K, N = gate.allowed.shape
-        forbidden = 1e3 * gate.dummy_cost
-        cost = np.full((K, N + K), forbidden)
+        cost = np.full((K, N + K), FORBIDDEN)
         cost[:, :N][gate.allowed] = gate.cost[gate.allowed]
         cost[np.arange(K), N + np.arange(K)] = gate.dummy_cost
         return self._solver.solve(cost)

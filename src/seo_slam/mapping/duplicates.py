@@ -46,7 +46,7 @@ def duplicate_pairs(
         first, second = object_map[int(ids[a])], object_map[int(ids[b])]
         if (
             object_map.times_apart(first.id, second.id) < object_map.settings.separate_frames
-            and _one_within_other(first, second, float(np.linalg.norm(p_world[a] - p_world[b])))
+            and _one_within_other(first, second, p_world[a] - p_world[b])
             and _compatible_size(first, second)
             and likelihood.between(first.distribution(), second.distribution()) >= 0.0
             and _overlap_in_image((first, p_world[a]), (second, p_world[b]), T_world_camera, camera)
@@ -67,8 +67,10 @@ def _mutual_nearest(p_world: FloatArray, wanted: BoolArray) -> list[tuple[int, i
     return [(a, int(nearest[a])) for a in np.flatnonzero(mutual) if a < nearest[a] and (wanted[a] or wanted[nearest[a]])]
 
 
-def _one_within_other(a: Thing, b: Thing, distance_m: float) -> bool:
-    return distance_m <= 0.5 * float(np.median(np.maximum(a.size_m(), b.size_m())))
+def _one_within_other(a: Thing, b: Thing, apart_m: FloatArray) -> bool:
+    """Whether the centre of one lies in the extent of the other, along every axis of the world."""
+    half = 0.5 * np.maximum(np.maximum(a.size_m(), b.size_m()), 0.01)
+    return bool((np.abs(apart_m) <= half).all())
 
 
 def _compatible_size(a: Thing, b: Thing) -> bool:

@@ -33,6 +33,7 @@ class Thing:
         weights: word -> summed score of the observations that said it.
         embedding_sum: (D,) score-weighted sum of label embeddings.
         whole_sizes, cut_sizes: (3,) world extents seen in full, and cut by the image border.
+        whole_across: (2,) width and height across the line of sight, seen in full.
         fixed_label: the word an agent gave it.
     """
 
@@ -43,11 +44,13 @@ class Thing:
     weights: dict[str, float] = field(default_factory=dict)
     whole_sizes: list[FloatArray] = field(default_factory=list)
     cut_sizes: list[FloatArray] = field(default_factory=list)
+    whole_across: list[FloatArray] = field(default_factory=list)
     observations: int = 0
     state: LandmarkState = "tentative"
     version: int = 0
     fixed_label: str | None = None
     _size_m: FloatArray | None = None
+    _across_m: FloatArray | None = None
     _words: dict[str, float] | None = None
     _embedding: FloatArray | None = None
 
@@ -58,7 +61,7 @@ class Thing:
 
     def changed(self) -> None:
         """Forget what was derived; to be called after weights or sizes change."""
-        self._size_m = self._words = self._embedding = None
+        self._size_m = self._across_m = self._words = self._embedding = None
 
     def distribution(self) -> dict[str, float]:
         """Word -> share, heaviest first; an agent's word leads with at least half."""
@@ -82,6 +85,12 @@ class Thing:
             else:
                 self._size_m = np.max(self.cut_sizes, axis=0) if self.cut_sizes else np.zeros(3)
         return self._size_m
+
+    def across_m(self) -> FloatArray:
+        """(2,) usual width and height across the line of sight: the median of whole views, 0 if there were none."""
+        if self._across_m is None:
+            self._across_m = np.median(self.whole_across, axis=0) if self.whole_across else np.zeros(2)
+        return self._across_m
 
     def embedding(self) -> FloatArray:
         """(D,) unit vector, zeros while unnamed."""
@@ -181,9 +190,10 @@ class ObjectMap:
         if not len(cloud):
             return
         low, high = _inner_extent(cloud)
-        kept = thing.cut_sizes if observations.truncated[row].any() else thing.whole_sizes
-        kept.append(np.asarray(high - low, dtype=np.float64))
-        del kept[:-SIZES_KEPT]
+        cut = bool(observations.truncated[row].any())
+        _keep_newest(thing.cut_sizes if cut else thing.whole_sizes, np.asarray(high - low, dtype=np.float64))
+        if not cut:
+            _keep_newest(thing.whole_across, observations.size_m[row])
 
     def _count_apart(self, landmark_ids: IntArray, boxes_px: FloatArray) -> None:
         """Count pairs that were detected at once in boxes of their own: proof that they are two."""
@@ -196,6 +206,11 @@ class ObjectMap:
         """In how many keyframes two landmarks were detected at once, in separate boxes."""
         return self.seen_apart[min(a, b), max(a, b)]
 
+    def across_m(self, landmark_ids: IntArray) -> FloatArray:
+        """Return (K, 2) the usual width and height across the line of sight of things; 0 for ones never seen whole, or new."""
+        known = [self.things[int(i)].across_m() if int(i) in self.things else np.zeros(2) for i in landmark_ids]
+        return np.array(known, dtype=np.float64).reshape(len(known), 2)
+
     def merge(self, keep_id: int, drop_id: int) -> None:
         """Fold what is known of ``drop_id`` into ``keep_id`` and forget the former."""
         keep, drop = self[keep_id], self[drop_id]
@@ -204,6 +219,7 @@ class ObjectMap:
         keep.embedding_sum = keep.embedding_sum + drop.embedding_sum
         keep.whole_sizes += drop.whole_sizes
         keep.cut_sizes += drop.cut_sizes
+        keep.whole_across += drop.whole_across
         keep.observations += drop.observations
         keep.first_seen_s = min(keep.first_seen_s, drop.first_seen_s)
         keep.last_seen_s = max(keep.last_seen_s, drop.last_seen_s)
@@ -254,6 +270,7 @@ class ObjectMap:
             last_seen_s=np.array([thing.last_seen_s for thing in things], dtype=np.float64),
             states=tuple(thing.state for thing in things),
             versions=np.array([thing.version for thing in things], dtype=np.int64),
+            across_m=np.array([thing.across_m() for thing in things]).reshape(len(ids), 2),
         )
 
     def _row(self, landmark_id: int, p_world: FloatArray, cov_world: FloatArray) -> Landmark:
@@ -272,6 +289,11 @@ class ObjectMap:
             state=thing.state,
             version=thing.version,
         )
+
+
+def _keep_newest(kept: list[FloatArray], new: FloatArray) -> None:
+    kept.append(new)
+    del kept[:-SIZES_KEPT]
 
 
 def _inner_extent(points: FloatArray, share: float = 0.03) -> tuple[FloatArray, FloatArray]:

@@ -31,8 +31,12 @@ def containment(a_px: FloatArray, b_px: FloatArray) -> FloatArray:
     return intersections(a_px, b_px) / np.maximum(smaller, 1e-12)
 
 
-def truncated_sides(boxes_px: FloatArray, width: int, height: int, margin_px: float = 3.0) -> BoolArray:
-    """Return (N, 4) bool: the box touches the left, top, right, bottom border of the image."""
+def truncated_sides(boxes_px: FloatArray, width: int, height: int, margin_share: float = 0.015) -> BoolArray:
+    """Return (N, 4) bool: the box touches the left, top, right, bottom border of the image.
+
+    Detectors let the box of a cut object end some pixels before the border, so a share of the longer image side counts as touching.
+    """
+    margin_px = margin_share * max(width, height)
     limits = np.array([margin_px, margin_px, width - 1 - margin_px, height - 1 - margin_px])
     out = np.empty(boxes_px.shape, dtype=np.bool_)
     out[:, :2] = boxes_px[:, :2] <= limits[:2]

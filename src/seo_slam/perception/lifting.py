@@ -14,11 +14,14 @@ from seo_slam.config import LiftingSettings
 from seo_slam.geometry import FloatArray
 from seo_slam.interfaces import Embedder
 from seo_slam.perception.boxes import truncated_sides
-from seo_slam.perception.fusion import distinct
+from seo_slam.perception.fusion import coincident, distinct
 from seo_slam.types import BoolArray, Detections, Frame, Observations
 
 CLOUD_POINTS = 200
 """Surface points kept of each object."""
+
+UNSEEN_SIGMA_M = 0.05
+"""How far the part of a thing outside the image may shift its centre, however little of it is seen."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -53,21 +56,19 @@ def observe(detections: Detections, frame: Frame, settings: LiftingSettings, emb
     if not rows:
         return Observations.empty(embedder.size), warnings
     labels = tuple(detections.labels[row] for row in rows)
-    return (
-        Observations(
-            p_camera=np.array([one.p_camera for one in lifted]),
-            cov_camera=np.array([one.cov_camera for one in lifted]),
-            size_m=np.array([one.size_m for one in lifted]),
-            labels=labels,
-            scores=detections.scores[rows].astype(np.float64),
-            embeddings=_embed(labels, embedder),
-            boxes_px=boxes[rows],
-            truncated=truncated[rows],
-            clouds=tuple(one.cloud for one in lifted),
-            rows=np.array(rows, dtype=np.int64),
-        ),
-        warnings,
+    observations = Observations(
+        p_camera=np.array([one.p_camera for one in lifted]),
+        cov_camera=np.array([one.cov_camera for one in lifted]),
+        size_m=np.array([one.size_m for one in lifted]),
+        labels=labels,
+        scores=detections.scores[rows].astype(np.float64),
+        embeddings=_embed(labels, embedder),
+        boxes_px=boxes[rows],
+        truncated=truncated[rows],
+        clouds=tuple(one.cloud for one in lifted),
+        rows=np.array(rows, dtype=np.int64),
     )
+    return observations[~coincident(observations)], warnings
 
 
 def _embed(labels: tuple[str | None, ...], embedder: Embedder) -> FloatArray:
@@ -147,14 +148,15 @@ def _covariance(x: float, y: float, z: float, size_m: FloatArray, truncated: Boo
     """Gamma of Eq 2: box noise across the line of sight; depth noise and the unknown half-depth along it.
 
     The depth of the surface is measured, the object's centre lies behind it by an unknown amount, taken as uniform between
-    nothing (a sheet) and half the shorter side (a ball): standard deviation side / sqrt(48). Where the image border
-    cuts the box, the true edge may be up to as far again outside: the centre is then uncertain by about a third of the visible side.
+    nothing (a sheet) and half the shorter side (a ball): standard deviation side / sqrt(48). Where the image border cuts the box,
+    the true edge lies somewhere outside: about a third of what is seen, and at least ``UNSEEN_SIGMA_M``, since of a large thing only a
+    sliver may be seen.
     """
     sigma_z = settings.depth_noise_at_1m_m * z * z
     half_depth = float(size_m.min()) / np.sqrt(48.0)
     cut = np.array([truncated[0] or truncated[2], truncated[1] or truncated[3]])
     across = settings.box_noise_share * size_m / np.sqrt(2.0)
-    across = np.hypot(across, np.where(cut, size_m / 3.0, 0.0))
+    across = np.hypot(across, np.where(cut, np.hypot(size_m / 3.0, UNSEEN_SIGMA_M), 0.0))
     variance = np.array([across[0] ** 2, across[1] ** 2, sigma_z**2 + half_depth**2])
     J = np.array([[1.0, 0.0, x], [0.0, 1.0, y], [0.0, 0.0, 1.0]])
     return np.asarray(J @ np.diag(variance) @ J.T + settings.min_sigma_m**2 * np.eye(3), dtype=np.float64)
