@@ -18,7 +18,7 @@ from seo_slam.types import Frame, IntArray, Motion
 
 _MIN_POINTS_TO_START = 40
 _TRUSTED_GAP_S = 0.5
-_KEYFRAMES_TO_RELOCALISE = 6
+_KEYFRAMES_TO_RELOCALISE = 4
 _RELOCALISE_INLIERS = 25
 _START_SIGMA = 1e-4
 
@@ -144,15 +144,16 @@ class VisualOdometry:
         trusted = elapsed_s < _TRUSTED_GAP_S and not self._lost
         guess = self._T_world_camera @ geometry.exp(self._velocity * (elapsed_s if trusted else 0.0))
         track = self._tracker.near(candidates, features, frame.camera, guess)
-        if track is not None and (track.is_good or not self._lost):
+        if track is not None and (track.is_good or (not self._lost and _is_plausible(guess, track.T_world_camera, elapsed_s))):
             return track
         return self._relocalise(frame, features)
 
     def _relocalise(self, frame: Frame, features: Features) -> Track | None:
-        """Look for a keyframe that saw the same; those near the last known pose first, then the newest."""
+        """Look for a keyframe that saw the same: near the last known pose, then the newest, with every lost frame older ones."""
         near = self._map.nearest(self._T_world_camera, self._depth_m, _KEYFRAMES_TO_RELOCALISE)
-        newest = [k for k in reversed(self._map.keyframes) if all(k is not n for n in near)][:_KEYFRAMES_TO_RELOCALISE]
-        for keyframe in near + newest:
+        others = [k for k in reversed(self._map.keyframes) if all(k is not n for n in near)]
+        start = self._unrecognised * _KEYFRAMES_TO_RELOCALISE
+        for keyframe in near + others[start : start + _KEYFRAMES_TO_RELOCALISE]:
             track = self._tracker.anywhere(self._map.candidates([keyframe]), features, frame.camera)
             if track is None:
                 continue
@@ -241,3 +242,9 @@ class VisualOdometry:
             message=why,
             T_world_camera=self._T_world_camera.copy() if self._absolute else None,
         )
+
+
+def _is_plausible(T_world_guess: FloatArray, T_world_camera: FloatArray, elapsed_s: float) -> bool:
+    """Whether a pose that few matches support is near what was expected; chance agreements are anywhere."""
+    turn_rad, shift_m = turn_and_shift(geometry.inverse(T_world_guess) @ T_world_camera)
+    return turn_rad < 0.2 + 2.0 * elapsed_s and shift_m < 0.1 + 1.0 * elapsed_s

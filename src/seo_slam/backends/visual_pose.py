@@ -126,8 +126,8 @@ def agreeing(r: FloatArray, p_camera: FloatArray) -> BoolArray:
 def refine_pose(T_world_camera: FloatArray, p_world: FloatArray, features: Features, camera: Camera) -> PoseFit:
     """Minimise reprojection and inverse-depth residuals over the pose by iteratively reweighted Gauss-Newton.
 
-    The covariance is the sandwich ``H^-1 (sum_c g_c g_c^T) H^-1`` over image cells c (Liang and Zeger 1986), since neighbouring
-    residuals share their error, and at least the inverse Hessian scaled by the residuals' spread.
+    The covariance is the mean of two estimates: the inverse Hessian scaled by the residuals' spread, and the sandwich
+    ``H^-1 (sum_c g_c g_c^T) H^-1`` over image cells c (Liang and Zeger 1986), since neighbouring residuals share their error.
     """
     T = T_world_camera
     for iteration in range(_ITERATIONS):
@@ -169,4 +169,4 @@ def _covariance(r: FloatArray, J: FloatArray, uv_px: FloatArray, camera: Camera)
     np.add.at(sums, row * _CLUSTER_COLUMNS + column, g)
     spread = float((weights * r * r).sum()) / max(2 * len(r) - 6, 1)
     sandwich = H_inverse @ (sums.T @ sums) @ H_inverse
-    return np.asarray(sandwich + max(spread, 0.25) * H_inverse, dtype=np.float64)
+    return np.asarray(0.5 * (sandwich + max(spread, 0.25) * H_inverse), dtype=np.float64)
