@@ -218,8 +218,8 @@ class VisualOdometry:
             return self._begin(frame, features, elapsed_s, first=False)
         return self._guess(
             elapsed_s,
-            f"frame {frame.index}: fewer than {self._tracker.min_inliers} of {len(features)} features ({usable} with depth) "
-            "agree with the map",
+            f"frame {frame.index}: its {len(features)} features ({usable} with depth) agree with the map on no pose that could be "
+            f"trusted ({self._tracker.min_inliers} matches at least)",
         )
 
     def _guess(self, elapsed_s: float, why: str) -> Motion:
