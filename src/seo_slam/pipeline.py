@@ -19,6 +19,7 @@ from seo_slam.mapping.duplicates import duplicate_pairs, projected_box
 from seo_slam.mapping.edits import apply_edit, merge_landmarks
 from seo_slam.mapping.keyframes import is_keyframe
 from seo_slam.mapping.object_map import ObjectMap
+from seo_slam.mapping.visibility import in_view
 from seo_slam.perception.adapters import to_detections
 from seo_slam.perception.cut_boxes import completed
 from seo_slam.perception.lifting import observe
@@ -290,7 +291,9 @@ class Pipeline:
         self._keyframe_stamp_s = frame.timestamp_s
         self._since_keyframe = None
         with clock.stage("map"):
-            events = self._objects.integrate(observations[used], landmark_ids[used], self._estimate.T_world_camera, frame.timestamp_s)
+            events = self._objects.integrate(
+                observations[used], landmark_ids[used], self._estimate.T_world_camera, frame.timestamp_s, self._should_see(frame)
+            )
             if self.config.map.merge_duplicates:
                 events += self._merge_duplicates(frame, landmark_ids[used])
         if parts.agents:
@@ -302,6 +305,11 @@ class Pipeline:
         self._counts.observations += len(observations)
         self._counts.events += [(keyframe_id, event) for event in events]
         return _KeyframeOutcome(detections, observations, association, landmark_ids, tuple(events))
+
+    def _should_see(self, frame: Frame) -> IntArray:
+        ids, p_world = self.parts.smoother.positions()
+        T_world_camera, max_depth_m = self._estimate.T_world_camera, self.config.lifting.max_depth_m
+        return ids[in_view(p_world, self._objects.sizes_m(ids), T_world_camera, frame, max_depth_m)]
 
     def _completed(self, observations: Observations, landmark_ids: IntArray) -> Observations:
         """Measure the centre of the whole thing where the image border cuts a box."""

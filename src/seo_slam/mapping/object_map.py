@@ -34,6 +34,7 @@ class Thing:
         embedding_sum: (D,) score-weighted sum of label embeddings.
         whole_sizes, cut_sizes: (3,) world extents seen in full, and cut by the image border.
         whole_across: (2,) width and height across the line of sight, seen in full.
+        views: keyframes that saw it, or should have.
         fixed_label: the word an agent gave it.
     """
 
@@ -46,6 +47,7 @@ class Thing:
     cut_sizes: list[FloatArray] = field(default_factory=list)
     whole_across: list[FloatArray] = field(default_factory=list)
     observations: int = 0
+    views: int = 0
     state: LandmarkState = "tentative"
     version: int = 0
     fixed_label: str | None = None
@@ -129,6 +131,7 @@ class ObjectMap:
             weights={word: share * landmark.observations for word, share in landmark.labels.items()},
             whole_sizes=[landmark.size_m.copy()],
             observations=landmark.observations,
+            views=landmark.observations,
             state=landmark.state,
             version=landmark.version,
         )
@@ -146,12 +149,24 @@ class ObjectMap:
         landmark_ids: IntArray,
         T_world_camera: FloatArray,
         timestamp_s: float,
+        should_see: IntArray,
     ) -> list[MapEvent]:
-        """Fold the observations (K rows) of one keyframe into the things ``landmark_ids`` (K,), all >= 0; new ids make new things."""
+        """Fold one keyframe into the map.
+
+        Args:
+            observations: K rows.
+            landmark_ids: (K,) the thing of each, all >= 0; new ids make new things.
+            T_world_camera: (4, 4) of the keyframe.
+            timestamp_s: of the keyframe.
+            should_see: ids of things in view, whether observed or not.
+        """
         events = []
+        for landmark_id in set(should_see.tolist()) | set(landmark_ids.tolist()):
+            if landmark_id in self.things:
+                self.things[landmark_id].views += 1
         for row, landmark_id in enumerate(int(i) for i in landmark_ids):
             if landmark_id not in self.things:
-                self.things[landmark_id] = Thing(landmark_id, timestamp_s, timestamp_s, np.zeros(self.embedding_size))
+                self.things[landmark_id] = Thing(landmark_id, timestamp_s, timestamp_s, np.zeros(self.embedding_size), views=1)
                 events.append(MapEvent("created", landmark_id, observations.labels[row] or ""))
             events += self._integrate_one(self.things[landmark_id], observations, row, T_world_camera, timestamp_s)
         self._count_apart(landmark_ids, observations.boxes_px)
@@ -178,12 +193,16 @@ class ObjectMap:
         if before and thing.label != before:
             thing.version += 1
             events.append(MapEvent("relabelled", thing.id, f"{before} -> {thing.label}"))
-        old_enough = thing.last_seen_s - thing.first_seen_s >= self.settings.stable_seconds - 1e-6
-        if thing.state == "tentative" and thing.observations >= self.settings.stable_observations and old_enough:
+        if thing.state == "tentative" and self._is_believed(thing):
             thing.state = "stable"
             thing.version += 1
             events.append(MapEvent("stable", thing.id, thing.label))
         return events
+
+    def _is_believed(self, thing: Thing) -> bool:
+        old_enough = thing.last_seen_s - thing.first_seen_s >= self.settings.stable_seconds - 1e-6
+        often_enough = thing.observations >= self.settings.stable_observations
+        return old_enough and often_enough and thing.observations >= self.settings.stable_share * thing.views
 
     def _remember_size(self, thing: Thing, observations: Observations, row: int, T_world_camera: FloatArray) -> None:
         cloud = transform_points(T_world_camera, observations.clouds[row])
@@ -206,6 +225,11 @@ class ObjectMap:
         """In how many keyframes two landmarks were detected at once, in separate boxes."""
         return self.seen_apart[min(a, b), max(a, b)]
 
+    def sizes_m(self, landmark_ids: IntArray) -> FloatArray:
+        """Return (K, 3) extents along the world's axes; 0 for things not in the map yet."""
+        known = [self.things[int(i)].size_m() if int(i) in self.things else np.zeros(3) for i in landmark_ids]
+        return np.array(known, dtype=np.float64).reshape(len(known), 3)
+
     def across_m(self, landmark_ids: IntArray) -> FloatArray:
         """Return (K, 2) the usual width and height across the line of sight of things; 0 for ones never seen whole, or new."""
         known = [self.things[int(i)].across_m() if int(i) in self.things else np.zeros(2) for i in landmark_ids]
@@ -221,6 +245,7 @@ class ObjectMap:
         keep.cut_sizes += drop.cut_sizes
         keep.whole_across += drop.whole_across
         keep.observations += drop.observations
+        keep.views = max(keep.views, drop.views, keep.observations)
         keep.first_seen_s = min(keep.first_seen_s, drop.first_seen_s)
         keep.last_seen_s = max(keep.last_seen_s, drop.last_seen_s)
         if "stable" in (keep.state, drop.state):
