@@ -1,3 +1,155 @@
-"""Object-level semantic SLAM: RGB-D frames in, a map of things out."""
+"""Object-level semantic SLAM: RGB-D frames in, a map of things out.
+
+    from seo_slam import Pipeline, SimulatedDesk, RecordedOdometry
+
+    desk = SimulatedDesk(frames=30)
+    with Pipeline(detector=desk.detector, odometry=RecordedOdometry(desk.odometry)) as pipeline:
+        for result in pipeline.stream(desk):
+            print(result.timestamp_s, result.events)
+        print(pipeline.result().map.landmarks)
+
+The public names are loaded when they are first asked for (PEP 562), so that ``import seo_slam`` itself is quick.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from seo_slam.association.two_stage import TwoStageAssociator
+    from seo_slam.backends.recorded_odometry import RecordedOdometry
+    from seo_slam.camera import Camera
+    from seo_slam.config import Component, Config
+    from seo_slam.datasets.open import open_dataset
+    from seo_slam.datasets.trajectory_files import read_trajectory, write_trajectory
+    from seo_slam.errors import (
+        AgentError,
+        BackendError,
+        ConfigError,
+        DatasetError,
+        EditRefused,
+        EvaluationError,
+        FrameError,
+        MapError,
+        MapFormatError,
+        MissingBackendError,
+        OptimizationError,
+        SeoSlamError,
+        UnknownBackendError,
+        UnknownLandmarkError,
+    )
+    from seo_slam.interfaces import Agent, AgentView, Associator
+    from seo_slam.map import Map, QueryHit
+    from seo_slam.pipeline import Pipeline, RunResult
+    from seo_slam.records import Confirm, MapEvent, Merge, Relabel, Remove, StepResult, Trajectory
+    from seo_slam.simulation.recording import SimulatedDesk
+    from seo_slam.types import NEW, REJECTED, Association, Detections, Estimate, Frame, Landmark, Landmarks, Motion, Observations
 
 __version__ = "0.1.0"
+
+_MODULES = {
+    "association.two_stage": ("TwoStageAssociator",),
+    "backends.recorded_odometry": ("RecordedOdometry",),
+    "camera": ("Camera",),
+    "config": ("Component", "Config"),
+    "datasets.open": ("open_dataset",),
+    "datasets.trajectory_files": ("read_trajectory", "write_trajectory"),
+    "errors": (
+        "AgentError",
+        "BackendError",
+        "ConfigError",
+        "DatasetError",
+        "EditRefused",
+        "EvaluationError",
+        "FrameError",
+        "MapError",
+        "MapFormatError",
+        "MissingBackendError",
+        "OptimizationError",
+        "SeoSlamError",
+        "UnknownBackendError",
+        "UnknownLandmarkError",
+    ),
+    "interfaces": ("Agent", "AgentView", "Associator"),
+    "map": ("Map", "QueryHit"),
+    "pipeline": ("Pipeline", "RunResult"),
+    "records": ("Confirm", "MapEvent", "Merge", "Relabel", "Remove", "StepResult", "Trajectory"),
+    "simulation.recording": ("SimulatedDesk",),
+    "types": (
+        "NEW",
+        "REJECTED",
+        "Association",
+        "Detections",
+        "Estimate",
+        "Frame",
+        "Landmark",
+        "Landmarks",
+        "Motion",
+        "Observations",
+    ),
+}
+_HOME = {name: f"seo_slam.{module}" for module, names in _MODULES.items() for name in names}
+
+__all__ = [  # noqa: RUF022  # by what they are for
+    "Pipeline",
+    "Config",
+    "Component",
+    "StepResult",
+    "RunResult",
+    "Map",
+    "QueryHit",
+    "Landmark",
+    "Landmarks",
+    "MapEvent",
+    "Frame",
+    "Camera",
+    "Detections",
+    "Observations",
+    "Motion",
+    "Estimate",
+    "Trajectory",
+    "Association",
+    "NEW",
+    "REJECTED",
+    "Associator",
+    "TwoStageAssociator",
+    "Agent",
+    "AgentView",
+    "Confirm",
+    "Relabel",
+    "Remove",
+    "Merge",
+    "RecordedOdometry",
+    "SimulatedDesk",
+    "open_dataset",
+    "read_trajectory",
+    "write_trajectory",
+    "SeoSlamError",
+    "ConfigError",
+    "FrameError",
+    "DatasetError",
+    "EvaluationError",
+    "OptimizationError",
+    "BackendError",
+    "UnknownBackendError",
+    "MissingBackendError",
+    "MapError",
+    "UnknownLandmarkError",
+    "EditRefused",
+    "MapFormatError",
+    "AgentError",
+    "__version__",
+]
+
+
+def __getattr__(name: str) -> Any:
+    """Load a public name when it is first asked for."""
+    if name not in _HOME:
+        raise AttributeError(f"module 'seo_slam' has no attribute {name!r}")
+    value = getattr(import_module(_HOME[name]), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    """List the public names, loaded or not."""
+    return sorted({*globals(), *__all__})
