@@ -56,9 +56,7 @@ def test_a_flat_box_has_no_area_and_overlaps_nothing():
 
 def test_truncated_sides_are_left_top_right_bottom():
     whole, all_of_it = [100.0, 100.0, 200.0, 200.0], [0, 0, 640, 480]
-    touching = np.array(
-        [whole, [0, 100, 200, 200], [100, 0, 200, 200], [100, 100, 639, 200], [100, 100, 200, 479], [0, 0, 640, 480]], float
-    )
+    touching = np.array([whole, [0, 100, 200, 200], [100, 0, 200, 200], [100, 100, 639, 200], [100, 100, 200, 479], all_of_it], float)
     assert truncated_sides(touching, 640, 480).tolist() == [
         [False] * 4,
         [True, False, False, False],

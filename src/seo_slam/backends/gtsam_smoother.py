@@ -11,11 +11,14 @@ import numpy as np
 from gtsam.symbol_shorthand import L, X
 
 from seo_slam.config import SmootherSettings
-from seo_slam.errors import OptimizationError, UnknownLandmarkError
+from seo_slam.errors import FrameError, OptimizationError, UnknownLandmarkError
 from seo_slam.geometry import FloatArray, adjoint, diagonal_blocks, inverse, require_transform
 from seo_slam.types import Estimate, IntArray, Landmarks, Motion, Observations
 
 _JOINT_AT_ONCE = 40
+
+_LEAST_VARIANCE = 1e-14
+"""Below it (0.1 um, 0.1 urad) GTSAM's factorisation fails, and the graph is lost."""
 
 
 @dataclass(slots=True)
@@ -48,14 +51,16 @@ class GtsamSmoother:
     def start(self, T_world_camera: FloatArray, covariance: FloatArray, landmarks: Landmarks | None = None) -> Estimate:
         """See ``interfaces.Smoother``."""
         T = require_transform(T_world_camera, "first camera pose")
+        _require_covariances("covariance of the first camera pose", covariance[None])
+        if landmarks is not None:
+            _require_covariances("covariance of a landmark to be continued", landmarks.cov_world)
         self._add(gtsam.PriorFactorPose3(X(0), gtsam.Pose3(T), gtsam.noiseModel.Gaussian.Covariance(covariance)), None)
         self._new_values.insert(X(0), gtsam.Pose3(T))
         for row in range(len(landmarks) if landmarks is not None else 0):
             assert landmarks is not None
             self._add_prior(int(landmarks.ids[row]), landmarks.p_world[row], landmarks.cov_world[row])
-        self._flush([])
         self._keyframes = 1
-        self._T_last = T
+        self._flush([])
         return self._estimate()
 
     def predict(self, motion: Motion) -> Estimate:
@@ -76,8 +81,10 @@ class GtsamSmoother:
         )
 
     def update(self, motion: Motion | None, observations: Observations, landmark_ids: IntArray, robust: bool = True) -> Estimate:
-        """See ``interfaces.Smoother``."""
+        """See ``interfaces.Smoother``; also raises FrameError, before anything changes, where a covariance is none."""
+        _require_covariances("cov_camera", observations.cov_camera)
         if motion is not None:
+            _require_covariances("covariance of the motion from odometry", motion.covariance[None])
             previous, current = self._keyframes - 1, self._keyframes
             T = require_transform(self._T_last @ motion.T_previous_current, "predicted camera pose")
             noise = gtsam.noiseModel.Gaussian.Covariance(motion.covariance)
@@ -89,7 +96,6 @@ class GtsamSmoother:
         for row, landmark_id in enumerate(landmark_ids):
             self._measure(int(landmark_id), self._keyframes - 1, observations.p_camera[row], observations.cov_camera[row], robust)
         self._flush([])
-        self._T_last = require_transform(self._isam.calculateEstimatePose3(X(self._keyframes - 1)).matrix(), "estimated pose")
         return self._estimate()
 
     def remove(self, landmark_id: int) -> None:
@@ -176,7 +182,7 @@ class GtsamSmoother:
         J = np.vstack([direction.basis().T / distance, p_camera[None] / distance])
         noise: gtsam.noiseModel.Base = gtsam.noiseModel.Gaussian.Covariance(J @ cov_camera @ J.T)
         if robust:
-            loss = gtsam.noiseModel.mEstimator.Huber.Create(self._settings.huber_k)
+            loss = gtsam.noiseModel.mEstimator.Cauchy.Create(self._settings.cauchy_k)
             noise = gtsam.noiseModel.Robust.Create(loss, noise)
         self._add(gtsam.BearingRangeFactor3D(X(keyframe), L(landmark_id), direction, distance, noise), landmark_id)
 
@@ -193,3 +199,18 @@ class GtsamSmoother:
         self._new_graph = gtsam.NonlinearFactorGraph()
         self._new_values = gtsam.Values()
         self._new_owners = []
+        # Removals and merges move the newest pose, too.
+        self._T_last = require_transform(self._isam.calculateEstimatePose3(X(self._keyframes - 1)).matrix(), "estimated pose")
+
+
+def _require_covariances(what: str, covariances: FloatArray) -> None:
+    """Raise ``FrameError`` unless all of (N, n, n) are symmetric and positive definite, so that no bad one spoils the graph."""
+    if not len(covariances):
+        return
+    skew = np.abs(covariances - covariances.transpose(0, 2, 1)).max(axis=(1, 2)) > 1e-6 * np.abs(covariances).max(axis=(1, 2))
+    least = np.linalg.eigvalsh(covariances).min(axis=1)
+    bad = skew | ~(least > _LEAST_VARIANCE)
+    if bad.any():
+        row = int(np.argmax(bad))
+        found = "not symmetric" if skew[row] else f"its smallest variance is {least[row]:.3g}"
+        raise FrameError(f"{what}: row {row}: {found}; wanted a symmetric matrix with variances above {_LEAST_VARIANCE:g}")
