@@ -62,8 +62,8 @@ def test_a_landmark_goes_to_one_observation_at_most(make):
 
 def test_the_assignment_is_the_best_overall_not_greedy():
     """The first observation is nearer to both; giving it its nearest would leave the second nothing."""
-    known = landmarks_at([CUP, CUP + [0.0, -0.042, 0.0]], ids=[0, 1])
-    p_world = [CUP + [0, -0.02, 0], CUP + [0, 0.025, 0]]
+    known = landmarks_at([CUP, CUP + np.array([0.0, -0.042, 0.0])], ids=[0, 1])
+    p_world = [CUP + np.array([0, -0.02, 0]), CUP + np.array([0, 0.025, 0])]
     settings_ = AssociationSettings(semantic_gate="none")
     boxes = np.array([[10.0, 10, 30, 30], [100, 10, 130, 30]])
     best = associate(TwoStageAssociator(settings_), p_world, ("cup", "cup"), known, boxes_px=boxes)
@@ -75,7 +75,7 @@ def test_the_assignment_is_the_best_overall_not_greedy():
 def test_a_doubled_box_is_rejected_and_makes_no_landmark():
     known = landmarks_at([CUP], ids=[4])
     once = tiny_observations(np.array([CUP]), ("cup",)).boxes_px[0]
-    boxes = np.array([once, once + [2.0, 2.0, -2.0, 1.0]])
+    boxes = np.array([once, once + np.array([2.0, 2.0, -2.0, 1.0])])
     found = associate(TwoStageAssociator(), [CUP, CUP + 0.006], ("cup", "cup"), known, boxes_px=boxes)
     assert sorted(found.landmark_ids.tolist()) == [REJECTED, 4]
     assert found.landmark_ids.tolist()[0] == 4
@@ -122,10 +122,10 @@ def test_an_unnamed_landmark_takes_any_label_that_fits_the_place():
 
 
 def test_the_label_decides_between_two_landmarks_near_each_other():
-    known = landmarks_at([CUP, CUP + [0.0, -0.02, 0.0]], [{"cup": 1.0}, {"keyboard": 1.0}], ids=[0, 1])
+    known = landmarks_at([CUP, CUP + np.array([0.0, -0.02, 0.0])], [{"cup": 1.0}, {"keyboard": 1.0}], ids=[0, 1])
     estimate = sure(landmark_sigma=0.02)
     for label, wanted in (("cup", 0), ("keyboard", 1)):
-        found = associate(TwoStageAssociator(), [CUP + [0.0, -0.01, 0.0]], (label,), known, estimate)
+        found = associate(TwoStageAssociator(), [CUP + np.array([0.0, -0.01, 0.0])], (label,), known, estimate)
         assert found.landmark_ids.tolist() == [wanted]
 
 
@@ -142,7 +142,7 @@ def embedded(*rows):
 def test_the_cosine_gate_lets_pass_what_is_above_tau_and_costs_squared_distance():
     settings_ = AssociationSettings(semantic_gate="cosine", cosine_threshold=0.6)
     known = replace(landmarks_at([CUP], ids=[4]), embeddings=embedded((1, 0)))
-    at = CUP + [0.0, 0.01, 0.0]
+    at = CUP + np.array([0.0, 0.01, 0.0])
     like = associate(TwoStageAssociator(settings_), [at], ("mug",), known, embeddings=embedded((0.61, np.sqrt(1 - 0.61**2))))
     unlike = associate(TwoStageAssociator(settings_), [at], ("mug",), known, embeddings=embedded((0.59, np.sqrt(1 - 0.59**2))))
     assert like.landmark_ids.tolist() == [4]
@@ -167,8 +167,8 @@ def test_the_chi_square_border_is_where_the_setting_says(probability):
     estimate = sure(pose_sigma=1e-5, landmark_sigma=1e-5)
     border_m = 0.01 * np.sqrt(chi2.ppf(probability, df=3))
     for make in (TwoStageAssociator, NearestAssociator):
-        within = associate(make(settings_), [CUP + [0.0, 0.99 * border_m, 0.0]], ("cup",), known, estimate)
-        beyond = associate(make(settings_), [CUP + [0.0, 1.01 * border_m, 0.0]], ("cup",), known, estimate)
+        within = associate(make(settings_), [CUP + np.array([0.0, 0.99 * border_m, 0.0])], ("cup",), known, estimate)
+        beyond = associate(make(settings_), [CUP + np.array([0.0, 1.01 * border_m, 0.0])], ("cup",), known, estimate)
         assert within.landmark_ids.tolist() == [4]
         assert beyond.landmark_ids.tolist() == [NEW]
 
@@ -177,8 +177,8 @@ def test_the_chi_square_border_is_where_the_setting_says(probability):
 
 
 def test_nearest_does_not_look_at_labels_and_takes_pairs_by_rising_distance():
-    known = landmarks_at([CUP, CUP + [0.0, 0.03, 0.0]], [{"cup": 1.0}, {"keyboard": 1.0}], ids=[7, 8])
-    seen = [CUP + [0.0, 0.012, 0.0], CUP + [0.0, 0.002, 0.0]]
+    known = landmarks_at([CUP, CUP + np.array([0.0, 0.03, 0.0])], [{"cup": 1.0}, {"keyboard": 1.0}], ids=[7, 8])
+    seen = [CUP + np.array([0.0, 0.012, 0.0]), CUP + np.array([0.0, 0.002, 0.0])]
     found = associate(NearestAssociator(), seen, ("keyboard", "keyboard"), known)
     assert found.landmark_ids.tolist() == [8, 7]  # the second is nearest to 7, so the first takes what is left
     predicted = predicted_measurements(sure(), known)
