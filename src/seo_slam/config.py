@@ -67,7 +67,9 @@ class SmootherSettings(Settings):
 
     first_pose_sigma_m: float = Field(1e-3, gt=0)
     first_pose_sigma_deg: float = Field(0.05, gt=0)
-    huber_k: float = Field(1.345, gt=0, description="robust loss of the measurements, in standard deviations")
+    cauchy_k: float = Field(
+        1.0, gt=0, description="Cauchy loss of the measurements, in standard deviations: people move, boxes slip, shapes bias"
+    )
 
 
 class MapSettings(Settings):
@@ -75,9 +77,7 @@ class MapSettings(Settings):
 
     stable_observations: int = Field(3, ge=1, description="keyframes that a tentative landmark must be seen in")
     stable_seconds: float = Field(0.3, ge=0, description="and over at least this long")
-    stable_share: float = Field(
-        0.1, ge=0, le=1, description="and in at least this share of the keyframes in which it was in plain view"
-    )
+    stable_share: float = Field(0.1, ge=0, le=1, description="and in at least this share of the keyframes in which it was in plain view")
     merge_duplicates: bool = Field(True, description="fold landmarks that are unambiguously one")
     separate_frames: int = Field(3, ge=1, description="frames with separate detections of both that prove two landmarks to be two")
 

@@ -159,7 +159,7 @@ class MapStore(Protocol):
         ...
 
     def set_meta(self, key: str, value: str) -> None:
-        """Keep a fact about the whole map: "gravity", "embedder", …"""
+        """Keep a fact about the whole map, such as its "gravity" or "embedder"."""
         ...
 
     def meta(self) -> dict[str, str]:

@@ -12,12 +12,13 @@ from seo_slam.association.label_likelihood import LabelLikelihood
 from seo_slam.composition import Parts, compose
 from seo_slam.config import Config
 from seo_slam.errors import AgentError, EditRefused, FrameError
-from seo_slam.geometry import FloatArray, compose_motion, diagonal_blocks
+from seo_slam.geometry import FloatArray, diagonal_blocks
 from seo_slam.interfaces import AgentView
 from seo_slam.map import Map
 from seo_slam.mapping.duplicates import duplicate_pairs, projected_box
 from seo_slam.mapping.edits import apply_edit, merge_landmarks
 from seo_slam.mapping.keyframes import is_keyframe
+from seo_slam.mapping.motion_chain import MotionChain
 from seo_slam.mapping.object_map import ObjectMap
 from seo_slam.mapping.visibility import in_view
 from seo_slam.perception.adapters import to_detections
@@ -29,6 +30,9 @@ from seo_slam.types import NEW, REJECTED, Association, Detections, Estimate, Fra
 
 LEVEL_FIRST_CAMERA = np.array([[1.0, 0, 0, 0], [0, 0, 1.0, 0], [0, -1.0, 0, 0], [0, 0, 0, 1.0]])
 """T_world_camera of a first camera of unknown pose: at the origin, looking along y, its image upright (z up if it is held level)."""
+
+KEPT_WITHIN_M = 0.01
+"""The store keeps every landmark within this of where the map has it."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -89,7 +93,12 @@ class Pipeline:
 
     Args:
         config: a ``Config``, a nested mapping of its settings, or None for the defaults.
-        detector, odometry, associator, smoother, embedder, store: see ``interfaces``.
+        detector: finds objects in the image; see ``interfaces.Detector`` for this one, and so on.
+        odometry: says how the camera moved.
+        associator: decides which landmark an observation belongs to.
+        smoother: estimates poses and positions.
+        embedder: turns labels into vectors.
+        store: keeps every keyframe.
         agents: asked after every keyframe, in this order, in the caller's thread.
         map: an older map to continue; the first camera must be placed in its frame (recorded poses, or an initial pose).
 
@@ -121,17 +130,18 @@ class Pipeline:
         }
         self.parts: Parts = compose(self.config, given, agents)
         self._likelihood = LabelLikelihood(self.parts.embedder)
-        self._old_map = map
+        self._old_map = None if map is None else map.with_embeddings(self.parts.embedder)
         self._objects = ObjectMap(self.config.map, self.parts.embedder.size, map.next_id if map is not None else 0)
         self.clock = StageClock()
         self._counts = _Counts()
-        self._since_keyframe: Motion | None = None
+        self._since_keyframe = MotionChain()
         self._keyframe_stamp_s = 0.0
         self._last_stamp_s = -np.inf
         self._keyframes = 0
         self._first_keyframe_id = self._next_keyframe_id()
         self._path: list[tuple[float, int, FloatArray]] = []  # stamp, keyframe, T_keyframe_frame
         self._gravity = "unknown"
+        self._kept_at: dict[int, FloatArray] = {}
 
     @classmethod
     def from_preset(cls, name: str, **parts: Any) -> Self:
@@ -201,18 +211,17 @@ class Pipeline:
 
     def _advance(self, frame: Frame, motion: Motion, warnings: list[str]) -> tuple[FloatArray, _KeyframeOutcome | None]:
         """Move the camera, and map if the frame is a keyframe; return ``T_world_camera`` and what the keyframe did."""
-        first = not self._path
+        first, since, outcome = not self._path, self._since_keyframe, None
         if first:
             self._start(motion)
         else:
-            self._since_keyframe = _composed(self._since_keyframe, motion)
-        since, outcome = self._since_keyframe, None
+            since.add(motion)
         elapsed_s = frame.timestamp_s - self._keyframe_stamp_s
-        if first or (since is not None and is_keyframe(since.T_previous_current, elapsed_s, self.config.keyframes)):
-            outcome = self._keyframe(frame, since, warnings)
-        T_keyframe_frame = np.eye(4) if self._since_keyframe is None else self._since_keyframe.T_previous_current
-        self._path.append((frame.timestamp_s, self._keyframes - 1, T_keyframe_frame))
-        return self._estimate.T_world_camera @ T_keyframe_frame, outcome
+        if first or is_keyframe(since.T_keyframe_frame, elapsed_s, self.config.keyframes):
+            outcome = self._keyframe(frame, since.motion, warnings)
+            since.restart(motion)
+        self._path.append((frame.timestamp_s, self._keyframes - 1, since.T_keyframe_frame))
+        return self._estimate.T_world_camera @ since.T_keyframe_frame, outcome
 
     def result(self) -> RunResult:
         """Return the map and trajectory so far; can be asked for at any time."""
@@ -259,9 +268,11 @@ class Pipeline:
                 self._objects.restore(row)
             old = Landmarks.from_rows(rows)
         self._estimate: Estimate = self.parts.smoother.start(T_world_camera, np.diag(np.square(sigmas)), old)
-        for key, value in (("gravity", self._gravity), ("embedder", self.parts.embedder.name)):
-            if hasattr(self.parts.store, "set_meta"):
-                self.parts.store.set_meta(key, value)
+        about = {"gravity": self._gravity, "embedder": self.parts.embedder.name, "next_id": str(self._objects.next_id)}
+        for key, value in about.items():
+            self.parts.store.set_meta(key, value)
+        with self.clock.stage("warm up"):  # a text model loads when it is first asked
+            self.parts.embedder.embed_text(["thing"])
 
     def _keyframe(self, frame: Frame, motion: Motion | None, warnings: list[str]) -> _KeyframeOutcome:
         """Detect, lift, associate, smooth, map, edit, keep."""
@@ -289,7 +300,6 @@ class Pipeline:
             self._estimate = parts.smoother.update(motion, whole, landmark_ids[used])
         self._keyframes += 1
         self._keyframe_stamp_s = frame.timestamp_s
-        self._since_keyframe = None
         with clock.stage("map"):
             events = self._objects.integrate(
                 observations[used], landmark_ids[used], self._estimate.T_world_camera, frame.timestamp_s, self._should_see(frame)
@@ -356,9 +366,10 @@ class Pipeline:
         gone = {event.landmark_id for event in events if event.kind in ("merged", "removed")}
         touched = {int(i) for i in landmark_ids} | {event.landmark_id for event in events}
         touched |= {event.other_id for event in events if event.other_id is not None}
-        ids = np.array(sorted(touched - gone), dtype=np.int64)
+        ids = np.array(sorted((touched | self._moved_since_kept()) - gone), dtype=np.int64)
         joint = self._estimate.joint_covariance(ids)
         changed = self._objects.rows_with(ids, self._positions_of(ids), diagonal_blocks(joint[6:, 6:]))
+        self._kept_at.update({row.id: row.position_m for row in changed})
         self.parts.store.commit(
             KeyframeRecord(
                 keyframe_id=keyframe_id,
@@ -375,13 +386,12 @@ class Pipeline:
             )
         )
 
+    def _moved_since_kept(self) -> set[int]:
+        """Landmarks that are not where the store has them, or not in it at all: optimisation moves what is not in view too."""
+        unknown = np.full(3, np.inf)
+        ids, positions = self.parts.smoother.positions()
+        return {int(i) for i, p in zip(ids, positions, strict=True) if np.abs(p - self._kept_at.get(int(i), unknown)).max() > KEPT_WITHIN_M}
+
     def _positions_of(self, landmark_ids: IntArray) -> FloatArray:
         ids, positions = self.parts.smoother.positions()
         return positions[np.searchsorted(ids, landmark_ids)]
-
-
-def _composed(before: Motion | None, motion: Motion) -> Motion:
-    if before is None:
-        return motion
-    T, covariance = compose_motion(before.T_previous_current, before.covariance, motion.T_previous_current, motion.covariance)
-    return Motion(T_previous_current=T, covariance=covariance)

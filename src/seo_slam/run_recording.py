@@ -58,8 +58,9 @@ def run_recording(
         try:
             for frame in _timed(frames, pipeline):
                 step = pipeline.step(frame)
-                with pipeline.clock.stage("report"):
-                    seen.observe(frame, step)
+                if step.is_keyframe:
+                    with pipeline.clock.stage("report"):
+                        seen.observe(frame, step)
                 if detections is not None and step.detections is not None:
                     detections.record(frame, step.detections)
                 if on_step is not None:

@@ -295,6 +295,8 @@ class Motion:
         status: "lost" when nothing could be measured; the motion is then a guess and its covariance says how poor.
         message: why it is lost, for the user; "" otherwise.
         T_world_camera: an absolute pose, if the odometry has one. The pipeline uses it only to place the first camera.
+        end_covariance: (6, 6) of this frame's pose in the odometry's own map, if it measures every frame against one; else None.
+            Its steps then telescope: ``covariance`` holds the errors of both ends, and only two ends count over many steps.
     """
 
     T_previous_current: FloatArray
@@ -302,10 +304,13 @@ class Motion:
     status: OdometryStatus = "ok"
     message: str = ""
     T_world_camera: FloatArray | None = None
+    end_covariance: FloatArray | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "T_previous_current", require_transform(self.T_previous_current, "Motion.T_previous_current"))
         require_rows("Motion.covariance", self.covariance, (6, 6))
+        if self.end_covariance is not None:
+            require_rows("Motion.end_covariance", self.end_covariance, (6, 6))
         if self.T_world_camera is not None:
             object.__setattr__(self, "T_world_camera", require_transform(self.T_world_camera, "Motion.T_world_camera"))
 

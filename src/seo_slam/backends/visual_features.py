@@ -83,7 +83,7 @@ class FeatureExtractor:
         self._count = count
         self._inverse_depth_noise = depth_noise_at_1m_m
         self._max_depth_m = max_depth_m
-        self._orb = cv2.ORB_create(2 * count, scaleFactor=SCALE_FACTOR, nlevels=_LEVELS, fastThreshold=_FAST_THRESHOLD)
+        self._orb = cv2.ORB.create(2 * count, scaleFactor=SCALE_FACTOR, nlevels=_LEVELS, fastThreshold=_FAST_THRESHOLD)
 
     def extract(self, frame: Frame) -> Features:
         """Return the features of a frame; none for a blank image."""

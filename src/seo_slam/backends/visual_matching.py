@@ -83,7 +83,7 @@ def _pairs_of_neighbouring_cells(a_px: FloatArray, b_px: FloatArray, cell_px: fl
 
 
 def _hamming(a: DescriptorArray, b: DescriptorArray) -> IntArray:
-    return np.bitwise_count(a ^ b).sum(axis=1, dtype=np.int64)
+    return np.asarray(np.bitwise_count(a ^ b).sum(axis=1), dtype=np.int64)
 
 
 def _best_pairs(a: IntArray, b: IntArray, distance: IntArray, max_distance: int, ratio: float) -> Matches:

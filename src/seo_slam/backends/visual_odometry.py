@@ -241,6 +241,7 @@ class VisualOdometry:
             status="lost" if why else "ok",
             message=why,
             T_world_camera=self._T_world_camera.copy() if self._absolute else None,
+            end_covariance=None if why else 0.5 * (self._pose_covariance + self._pose_covariance.T),
         )
 
 

@@ -64,7 +64,7 @@ def _mutual_nearest(p_world: FloatArray, wanted: BoolArray) -> list[tuple[int, i
     np.fill_diagonal(squared, np.inf)
     nearest = squared.argmin(axis=1)
     mutual = nearest[nearest] == np.arange(len(nearest))
-    return [(a, int(nearest[a])) for a in np.flatnonzero(mutual) if a < nearest[a] and (wanted[a] or wanted[nearest[a]])]
+    return [(int(a), int(nearest[a])) for a in np.flatnonzero(mutual) if a < nearest[a] and (wanted[a] or wanted[nearest[a]])]
 
 
 def _one_within_other(a: Thing, b: Thing, apart_m: FloatArray) -> bool:

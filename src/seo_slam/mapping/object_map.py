@@ -22,6 +22,9 @@ SIZES_KEPT = 50
 SEPARATE_CONTAINMENT = 0.3
 """Boxes that share less than this part of the smaller one are separate."""
 
+AGENT_SHARE = 0.6
+"""Weight of the word that an agent gave: more than half, so that it is the heaviest wherever the map is read."""
+
 PLACEHOLDER_SIGMA_M = 1.0
 
 
@@ -66,7 +69,7 @@ class Thing:
         self._size_m = self._across_m = self._words = self._embedding = None
 
     def distribution(self) -> dict[str, float]:
-        """Word -> share, heaviest first; an agent's word leads with at least half."""
+        """Word -> share, heaviest first; an agent's word leads with at least ``AGENT_SHARE``."""
         if self._words is None:
             self._words = self._distribution()
         return self._words
@@ -75,7 +78,7 @@ class Thing:
         total = sum(self.weights.values())
         shares = {word: weight / total for word, weight in self.weights.items()} if total > 0 else {}
         if self.fixed_label is not None:
-            shares = {word: 0.5 * share for word, share in shares.items()}
+            shares = {word: (1.0 - AGENT_SHARE) * share for word, share in shares.items()}
             shares[self.fixed_label] = shares.get(self.fixed_label, 0.0) + 1.0 - sum(shares.values())
         return dict(sorted(shares.items(), key=lambda item: (-item[1], item[0])))
 
@@ -250,8 +253,14 @@ class ObjectMap:
         keep.last_seen_s = max(keep.last_seen_s, drop.last_seen_s)
         if "stable" in (keep.state, drop.state):
             keep.state = "stable"
+        if keep.fixed_label is None:
+            keep.fixed_label = drop.fixed_label
         keep.version += 1
         keep.changed()
+        for pair, times in list(self.seen_apart.items()):  # what is not the one is not the other
+            if drop_id in pair and keep_id not in pair:
+                low, high = sorted((keep_id, sum(pair) - drop_id))
+                self.seen_apart[low, high] += times
         self.forget(drop_id)
 
     def forget(self, landmark_id: int) -> None:

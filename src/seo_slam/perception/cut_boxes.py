@@ -12,6 +12,9 @@ from seo_slam.types import BoolArray
 SIZE_SIGMA_SHARE = 0.15
 """Standard deviation of a thing's width or height between views, as a share of it."""
 
+SLOPE_SIGMA = 0.6
+"""The unseen part may recede or come nearer, by up to 45 degrees: standard deviation of the depth per metre of shift."""
+
 
 def completed(
     p_camera: FloatArray, cov_camera: FloatArray, size_m: FloatArray, truncated: BoolArray, across_m: FloatArray
@@ -19,7 +22,8 @@ def completed(
     """Move the centres of cut boxes to where the whole thing's centre is.
 
     Along an image axis on which one border cuts the box, the centre becomes the seen edge plus half the usual extent; its variance
-    that of half the extent. Cut on both sides, or smaller than what is seen, or never seen whole: nothing changes.
+    that of half the extent, and the depth there is less certain. Cut on both sides, or smaller than what is seen, or never seen
+    whole: nothing changes.
 
     Args:
         p_camera: (..., 3) centres of the visible parts.
@@ -43,6 +47,7 @@ def completed(
         variance = np.broadcast_to((0.5 * SIZE_SIGMA_SHARE * across_m[..., axis]) ** 2, shape)
         along = cov[..., axis, axis]
         cov[..., axis, axis] = np.where(use, np.minimum(along, variance + cov[..., 2, 2] * _slope_squared(p, axis) + 1e-4), along)
+        cov[..., 2, 2] += np.where(use, (SLOPE_SIGMA * shift) ** 2, 0.0)
         for other in (0, 1, 2):
             if other != axis:  # the shrunken variance must not leave correlations behind that it cannot carry
                 cov[..., axis, other] = np.where(use, 0.0, cov[..., axis, other])
