@@ -1,9 +1,10 @@
 """How much more likely two labels are if they name one thing than if they name two.
 
 Cosines of label embeddings do not separate (shoe and banana have 0.38, book and notebook 0.42), so they are calibrated: for pairs of
-words of which it is known whether detectors use them for one thing, a logistic regression of "one thing" on the cosine gives
-the log likelihood ratio ``slope * cosine + offset``. ``benchmarks/label_calibration.py`` holds the word pairs, which come from
-no recording, and makes the numbers below.
+different words of which it is known whether they name one thing, a logistic regression of "one thing" on the cosine gives the log
+likelihood ratio ``slope * cosine + offset``. To that comes what it says that the words are the same, or not.
+``benchmarks/label_calibration.py`` holds the word pairs, which come from no recording, and makes the numbers; docs/association.md
+says how good they are.
 """
 
 import math
@@ -13,16 +14,31 @@ from seo_slam.geometry import FloatArray
 from seo_slam.interfaces import Embedder
 
 CALIBRATION: dict[str, tuple[float, float]] = {
-    "minilm": (12.0, -6.0),
-    "hashed": (6.0, -1.5),
+    "minilm": (6.65, -3.13),
+    "hashed": (3.23, -0.41),
 }
 """Embedder -> slope, offset of the log likelihood ratio; "minilm" stands in for other sentence-transformers models."""
 
-SAME_WORD = 4.0
-"""Log likelihood ratio of a word with itself: about one pair of different things in 55 shares its word."""
+PHRASE = "a {}"
+"""Words are compared within a phrase, which makes sentence embeddings take them as things: fewer wrong verdicts than bare words."""
+
+KEEPS_WORD = 0.5
+"""Chance that one thing is given the same word twice. A judgement: 0.7 to 0.85 on the simulated desk, and open-vocabulary detectors
+hesitate more. The low end is the safe one: a wrong "two things" makes a duplicate, a wrong "one thing" must still pass the geometry."""
+
+SHARES_WORD = 0.025
+"""Chance that two different things near each other are given the same word: measured on the simulated desk, 0.025 to 0.036."""
+
+SAME_WORD = math.log(KEEPS_WORD / SHARES_WORD)
+"""Log likelihood ratio of a word with itself, 3.0; no two words have more."""
+
+OTHER_WORD = math.log((1.0 - KEEPS_WORD) / (1.0 - SHARES_WORD))
+"""Log likelihood ratio, -0.67, of the words being different ones, whichever they are."""
 
 MISTAKE_SHARE = 0.1
-"""Share of labels that are wrong beyond confusion: such a label says nothing about which thing it is."""
+"""Share of labels that are wrong beyond confusion: such a label says nothing about which thing it is. A judgement, since it differs by
+detector. It bounds the evidence of one label at log 0.1 = -2.3, less than a position that fits within 3 cm weighs for it (+3.9),
+so that an absurd label alone makes no second landmark."""
 
 
 class LabelLikelihood:
@@ -76,6 +92,6 @@ class LabelLikelihood:
             return 0.0
         for word in (a, b):
             if word not in self._vectors:
-                self._vectors[word] = self._embedder.embed_text([word])[0]
+                self._vectors[word] = self._embedder.embed_text([PHRASE.format(word)])[0]
         cosine = float(self._vectors[a] @ self._vectors[b])
-        return math.exp(min(self._slope * cosine + self._offset, SAME_WORD))
+        return math.exp(min(self._slope * cosine + self._offset + OTHER_WORD, SAME_WORD))
