@@ -71,17 +71,13 @@ def mahalanobis(
     return np.asarray(squared, dtype=np.float64), np.asarray(log_det, dtype=np.float64)
 
 
-LANDMARK_SIGMA_M = 0.25
-"""A landmark whose own position, relative to the camera's, is less certain than this cannot be told apart from others anyway."""
-
-
 def within_reach(
     observations: Observations, landmarks: Landmarks, estimate: Estimate, search_distance_m: float, threshold: float
 ) -> BoolArray:
     """Return (N,) bool: landmarks that could pass the gate of some observation, so that only they need the joint covariance.
 
     A landmark must lie within the search distance of the camera (III-B), and nearer to an observation than the gate's radius under
-    the observation's, the pose's and ``LANDMARK_SIGMA_M`` of uncertainty, each taken in its worst direction.
+    the uncertainties of observation, pose and landmark, each taken in its worst direction and added up.
     """
     R = estimate.T_world_camera[:3, :3]
     p_camera = (landmarks.p_world - estimate.T_world_camera[:3, 3]) @ R
@@ -93,5 +89,6 @@ def within_reach(
     own_sigma = np.sqrt(np.trace(observations.cov_camera, axis1=1, axis2=2))
     distance = np.linalg.norm(observations.p_camera[:, None] - p_camera[None], axis=2)
     unseen_m = 0.5 * np.linalg.norm(landmarks.across_m, axis=1)
-    reach = np.sqrt(threshold) * (own_sigma[:, None] + pose_sigma[None] + LANDMARK_SIGMA_M) + unseen_m[None]
+    landmark_sigma = np.sqrt(np.trace(landmarks.cov_world, axis1=1, axis2=2))
+    reach = np.sqrt(threshold) * (own_sigma[:, None] + (pose_sigma + landmark_sigma)[None]) + unseen_m[None]
     return np.asarray((range_m < search_distance_m) & (distance < reach).any(axis=0), dtype=np.bool_)

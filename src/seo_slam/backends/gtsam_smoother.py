@@ -46,7 +46,8 @@ class GtsamSmoother:
         self._new_values = gtsam.Values()
         self._new_owners: list[int | None] = []  # landmark of each factor in _new_graph
         self._T_last = np.eye(4)
-        self._positions: tuple[IntArray, FloatArray] | None = None  # until the graph changes
+        self._positions: tuple[IntArray, FloatArray] | None = None  # these two are kept until the graph changes
+        self._pose_covariance: FloatArray | None = None
 
     def start(self, T_world_camera: FloatArray, covariance: FloatArray, landmarks: Landmarks | None = None) -> Estimate:
         """See ``interfaces.Smoother``."""
@@ -146,8 +147,12 @@ class GtsamSmoother:
         for landmark_id in landmark_ids:
             self._known(int(landmark_id))
         keys = [X(self._keyframes - 1), *(L(int(i)) for i in landmark_ids)]
+        if len(keys) == 1 and self._pose_covariance is not None:
+            return self._pose_covariance.copy()
         # In query order since GTSAM 4.3; a test holds it to that.
-        return np.array(self._isam.jointMarginalCovariance(keys).fullMatrix(), dtype=np.float64)
+        joint = np.array(self._isam.jointMarginalCovariance(keys).fullMatrix(), dtype=np.float64)
+        self._pose_covariance = joint[:6, :6].copy()
+        return joint
 
     def _known(self, landmark_id: int) -> _LandmarkFactors:
         if landmark_id not in self._landmarks:
@@ -188,7 +193,7 @@ class GtsamSmoother:
 
     def _flush(self, remove_indices: list[int]) -> None:
         """Give ISAM2 the pending factors and values, and take factors out."""
-        self._positions = None
+        self._positions = self._pose_covariance = None
         try:
             result = self._isam.update(self._new_graph, self._new_values, remove_indices)
         except RuntimeError as error:

@@ -25,7 +25,7 @@ SEPARATE_CONTAINMENT = 0.3
 AGENT_SHARE = 0.6
 """Weight of the word that an agent gave: more than half, so that it is the heaviest wherever the map is read."""
 
-PLACEHOLDER_SIGMA_M = 1.0
+UNKNOWN_SIGMA_M = 1.0
 
 
 @dataclass(slots=True, eq=False)
@@ -39,6 +39,7 @@ class Thing:
         whole_across: (2,) width and height across the line of sight, seen in full.
         views: keyframes that saw it, or should have.
         fixed_label: the word an agent gave it.
+        cov_world: (3, 3) of its position, as last asked of the smoother.
     """
 
     id: int
@@ -54,6 +55,7 @@ class Thing:
     state: LandmarkState = "tentative"
     version: int = 0
     fixed_label: str | None = None
+    cov_world: FloatArray = field(default_factory=lambda: UNKNOWN_SIGMA_M**2 * np.eye(3))
     _size_m: FloatArray | None = None
     _across_m: FloatArray | None = None
     _words: dict[str, float] | None = None
@@ -288,14 +290,14 @@ class ObjectMap:
     def landmarks(self, smoother: Smoother) -> Landmarks:
         """Show all landmarks as a struct of arrays, for association.
 
-        Their covariances are left at a wide placeholder: an associator takes the joint one, with the pose, from the estimate.
+        Their covariances are those last asked for: an associator takes the joint one, with the pose, from the estimate.
         """
         ids, positions = smoother.positions()
         things = [self[int(i)] for i in ids]
         return Landmarks(
             ids=ids,
             p_world=positions,
-            cov_world=np.tile(PLACEHOLDER_SIGMA_M**2 * np.eye(3), (len(ids), 1, 1)),
+            cov_world=np.array([thing.cov_world for thing in things]).reshape(len(ids), 3, 3),
             size_m=np.array([thing.size_m() for thing in things]).reshape(len(ids), 3),
             labels=tuple(thing.distribution() for thing in things),
             embeddings=np.array([thing.embedding() for thing in things]).reshape(len(ids), self.embedding_size),
@@ -309,6 +311,7 @@ class ObjectMap:
 
     def _row(self, landmark_id: int, p_world: FloatArray, cov_world: FloatArray) -> Landmark:
         thing = self[landmark_id]
+        thing.cov_world = cov_world
         return Landmark(
             id=landmark_id,
             label=thing.label,

@@ -87,7 +87,7 @@ def _lift(box_px: FloatArray, mask: BoolArray | None, truncated: BoolArray, fram
     side_px = box_px[2:] - box_px[:2]
     rough_m = float(np.sqrt(np.prod(side_px / (camera.fx, camera.fy)))) * _weighted_median(depth_m, weight)
     inside = densest_window(depth_m, weight, length_m=float(np.clip(0.5 * rough_m, 0.05, 1.0)))
-    if int(inside.sum()) < settings.min_points:
+    if inside.stop - inside.start < settings.min_points:
         return None
     z = _weighted_median(depth_m[inside], weight[inside])
     size_m = side_px / (camera.fx, camera.fy) * z
@@ -104,7 +104,7 @@ def _lift(box_px: FloatArray, mask: BoolArray | None, truncated: BoolArray, fram
 def _object_pixels(
     box_px: FloatArray, mask: BoolArray | None, frame: Frame, settings: LiftingSettings
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Sample pixels (M, 2) of the box or mask that have depth; also depths (M,), weights (M,) and the object's image centre (2,)."""
+    """Sample pixels (M, 2) of the box or mask that have depth, by rising depth; also depths (M,), weights (M,), image centre (2,)."""
     height, width = frame.depth_m.shape
     x0, y0 = max(int(np.floor(box_px[0])), 0), max(int(np.floor(box_px[1])), 0)
     x1, y1 = min(int(np.ceil(box_px[2])), width), min(int(np.ceil(box_px[3])), height)
@@ -119,29 +119,27 @@ def _object_pixels(
             centre_px = np.array([x0 + step * u_own.mean(), y0 + step * v_own.mean()])
         usable &= own
     v, u = np.nonzero(usable)
+    depth_m = patch[v, u]
+    order = np.argsort(depth_m, kind="stable")
+    v, u = v[order], u[order]
     uv = np.stack([x0 + step * u, y0 + step * v], axis=1).astype(np.float64)
     spread_px = np.maximum(0.25 * (box_px[2:] - box_px[:2]), 1.0)
     off = (uv - 0.5 * (box_px[:2] + box_px[2:])) / spread_px
     weight = np.ones(len(uv)) if mask is not None else np.exp(-0.5 * np.sum(off * off, axis=1))
-    return uv, patch[v, u].astype(np.float64), weight, centre_px
+    return uv, depth_m[order].astype(np.float64), weight, centre_px
 
 
-def densest_window(depth_m: FloatArray, weight: FloatArray, length_m: float) -> BoolArray:
-    """Return (M,) bool: the depths in the window of ``length_m`` that holds the most weight; the nearer one on a tie."""
-    order = np.argsort(depth_m, kind="stable")
-    z = depth_m[order]
-    total = np.concatenate([[0.0], np.cumsum(weight[order])])
-    ends = np.searchsorted(z, z + length_m, side="right")
+def densest_window(depth_m: FloatArray, weight: FloatArray, length_m: float) -> slice:
+    """Return the range of the rising depths (M,) within ``length_m`` that holds the most weight (M,); the nearer one on a tie."""
+    total = np.concatenate([[0.0], np.cumsum(weight)])
+    ends = np.searchsorted(depth_m, depth_m + length_m, side="right")
     start = int(np.argmax(total[ends] - total[:-1]))
-    inside = np.zeros(len(depth_m), dtype=np.bool_)
-    inside[order[start : ends[start]]] = True
-    return inside
+    return slice(start, int(ends[start]))
 
 
-def _weighted_median(values: FloatArray, weight: FloatArray) -> float:
-    order = np.argsort(values, kind="stable")
-    total = np.cumsum(weight[order])
-    return float(values[order[int(np.searchsorted(total, 0.5 * total[-1]))]])
+def _weighted_median(rising: FloatArray, weight: FloatArray) -> float:
+    total = np.cumsum(weight)
+    return float(rising[int(np.searchsorted(total, 0.5 * total[-1]))])
 
 
 def _covariance(x: float, y: float, z: float, size_m: FloatArray, truncated: BoolArray, settings: LiftingSettings) -> FloatArray:
