@@ -138,7 +138,8 @@ class Pipeline:
         self._keyframe_stamp_s = 0.0
         self._last_stamp_s = -np.inf
         self._keyframes = 0
-        self._first_keyframe_id = self._next_keyframe_id()
+        kept = self.parts.store.keyframe_ids()
+        self._first_keyframe_id = int(kept[-1]) + 1 if len(kept) else 0
         self._path: list[tuple[float, int, FloatArray]] = []  # stamp, keyframe, T_keyframe_frame
         self._gravity = "unknown"
         self._kept_at: dict[int, FloatArray] = {}
@@ -172,7 +173,7 @@ class Pipeline:
         """Process one frame.
 
         Raises:
-            FrameError: time does not rise, or a detector returned what cannot be. Nothing has changed then.
+            FrameError: time does not rise, or a detector returned what cannot be. The map has not changed then.
             OptimizationError: the factor graph has no solution.
         """
         if frame.timestamp_s <= self._last_stamp_s:
@@ -212,13 +213,14 @@ class Pipeline:
     def _advance(self, frame: Frame, motion: Motion, warnings: list[str]) -> tuple[FloatArray, _KeyframeOutcome | None]:
         """Move the camera, and map if the frame is a keyframe; return ``T_world_camera`` and what the keyframe did."""
         first, since, outcome = not self._path, self._since_keyframe, None
-        if first:
-            self._start(motion)
-        else:
+        if not first:
             since.add(motion)
         elapsed_s = frame.timestamp_s - self._keyframe_stamp_s
         if first or is_keyframe(since.T_keyframe_frame, elapsed_s, self.config.keyframes):
-            outcome = self._keyframe(frame, since.motion, warnings)
+            detections, observations = self._measure(frame, warnings)
+            if first:  # only now: a detector that fails on the first frame must leave no trace
+                self._start(motion)
+            outcome = self._keyframe(frame, since.motion, detections, observations, warnings)
             since.restart(motion)
         self._path.append((frame.timestamp_s, self._keyframes - 1, since.T_keyframe_frame))
         return self._estimate.T_world_camera @ since.T_keyframe_frame, outcome
@@ -251,15 +253,10 @@ class Pipeline:
         rows = self._objects.rows(self.parts.smoother) if self._path else []
         return Map(rows, self._gravity, self.parts.embedder.name, self._objects.next_id)  # type: ignore[arg-type]  # one of two words
 
-    def _next_keyframe_id(self) -> int:
-        kept = self.parts.store.keyframe_ids()
-        return int(kept[-1]) + 1 if len(kept) else 0
-
     def _start(self, motion: Motion) -> None:
         """Place the first camera, and the landmarks of a map that is continued."""
-        placed = motion.T_world_camera is not None
-        self._gravity = "poses" if placed else "unknown"
-        T_world_camera = motion.T_world_camera if motion.T_world_camera is not None else LEVEL_FIRST_CAMERA
+        self._gravity = "unknown" if motion.T_world_camera is None else "poses"
+        T_world_camera = LEVEL_FIRST_CAMERA if motion.T_world_camera is None else motion.T_world_camera
         sigmas = [np.radians(self.config.graph.first_pose_sigma_deg)] * 3 + [self.config.graph.first_pose_sigma_m] * 3
         old = None
         if self._old_map is not None:
@@ -268,27 +265,33 @@ class Pipeline:
                 self._objects.restore(row)
             old = Landmarks.from_rows(rows)
         self._estimate: Estimate = self.parts.smoother.start(T_world_camera, np.diag(np.square(sigmas)), old)
-        about = {"gravity": self._gravity, "embedder": self.parts.embedder.name, "next_id": str(self._objects.next_id)}
-        for key, value in about.items():
+        for key, value in (("gravity", self._gravity), ("embedder", self.parts.embedder.name), ("next_id", str(self._objects.next_id))):
             self.parts.store.set_meta(key, value)
-        with self.clock.stage("warm up"):  # a text model loads when it is first asked
-            self.parts.embedder.embed_text(["thing"])
 
-    def _keyframe(self, frame: Frame, motion: Motion | None, warnings: list[str]) -> _KeyframeOutcome:
-        """Detect, lift, associate, smooth, map, edit, keep."""
+    def _measure(self, frame: Frame, warnings: list[str]) -> tuple[Detections, Observations]:
+        """Detect and lift: what is seen, camera frame. Changes nothing."""
         clock, parts = self.clock, self.parts
-        keyframe_id = self._first_keyframe_id + self._keyframes
+        if not self._path:
+            with clock.stage("warm up"):  # a text model loads when it is first asked
+                parts.embedder.embed_text(["thing"])
         with clock.stage("detect"):
             detections = to_detections(parts.detector.detect(frame), frame, type(parts.detector).__name__)
         if not len(detections):
             warnings.append("no detections")
         with clock.stage("observe"):
-            observations = Observations.empty(parts.embedder.size)
-            if frame.has_depth:
-                observations, left_out = observe(detections, frame, self.config.lifting, parts.embedder)
-                warnings += left_out
-            else:
+            if not frame.has_depth:
                 warnings.append("the frame has no depth, its detections cannot be placed")
+                return detections, Observations.empty(parts.embedder.size)
+            observations, left_out = observe(detections, frame, self.config.lifting, parts.embedder)
+        warnings += left_out
+        return detections, observations
+
+    def _keyframe(
+        self, frame: Frame, motion: Motion | None, detections: Detections, observations: Observations, warnings: list[str]
+    ) -> _KeyframeOutcome:
+        """Associate, smooth, map, edit, keep."""
+        clock, parts = self.clock, self.parts
+        keyframe_id = self._first_keyframe_id + self._keyframes
         with clock.stage("associate"):
             predicted = self._estimate if motion is None else parts.smoother.predict(motion)
             association = parts.associator.associate(observations, self._objects.landmarks(parts.smoother), predicted)
