@@ -65,8 +65,8 @@ class AssociationSettings(Settings):
 class SmootherSettings(Settings):
     """The factor graph."""
 
-    first_pose_sigma_m: float = Field(1e-3, gt=0)
-    first_pose_sigma_deg: float = Field(0.05, gt=0)
+    first_pose_sigma_m: float = Field(1e-3, gt=0, description="how well the first camera is placed")
+    first_pose_sigma_deg: float = Field(0.05, gt=0, description="and turned")
     cauchy_k: float = Field(
         1.0, gt=0, description="Cauchy loss of the measurements, in standard deviations: people move, boxes slip, shapes bias"
     )
@@ -85,19 +85,19 @@ class MapSettings(Settings):
 class Config(Settings):
     """Everything a Pipeline needs to build itself."""
 
-    detector: Component = Component(name="none")
-    odometry: Component = Component(name="recorded")
-    associator: Component = Component(name="two_stage")
-    smoother: Component = Component(name="gtsam")
-    embedder: Component = Component(name="auto")
-    store: Component = Component(name="memory")
-    agents: tuple[Component, ...] = ()
+    detector: Component = Field(Component(name="none"), description="finds objects in the image")
+    odometry: Component = Field(Component(name="recorded"), description="says how the camera moved")
+    associator: Component = Field(Component(name="two_stage"), description="two_stage (SEO-SLAM III-B) or nearest")
+    smoother: Component = Field(Component(name="gtsam"), description="the factor graph's solver")
+    embedder: Component = Field(Component(name="auto"), description="turns labels into vectors")
+    store: Component = Field(Component(name="memory"), description="keeps every keyframe")
+    agents: tuple[Component, ...] = Field((), description="asked after every keyframe, in this order")
     keyframes: KeyframeSettings = KeyframeSettings()
     lifting: LiftingSettings = LiftingSettings()
     association: AssociationSettings = AssociationSettings()
     graph: SmootherSettings = SmootherSettings()
     map: MapSettings = MapSettings()
-    seed: int = Field(0, ge=0)
+    seed: int = Field(0, ge=0, description="of every part that draws random numbers")
 
     @classmethod
     def preset(cls, name: str) -> Self:
@@ -160,6 +160,19 @@ class Config(Settings):
                 raise ConfigError(f"--set {text}: {key!r} is inside a setting that holds no others")
             target[last] = _value(raw)
         return self.from_dict(values, "--set")
+
+
+def describe_settings(model: type[BaseModel] = Config, prefix: str = "") -> list[tuple[str, str, str]]:
+    """Return (key, default as JSON, what it is) of every setting, as ``--set`` takes them."""
+    rows: list[tuple[str, str, str]] = []
+    for name, field in model.model_fields.items():
+        default = field.get_default(call_default_factory=True)
+        if isinstance(default, BaseModel) and not isinstance(default, Component):
+            rows += describe_settings(type(default), f"{prefix}{name}.")
+        else:
+            value = default.model_dump() if isinstance(default, BaseModel) else default
+            rows.append((prefix + name, json.dumps(value), field.description or ""))
+    return rows
 
 
 PRESETS: dict[str, dict[str, Any]] = {

@@ -5,11 +5,20 @@ from typing import Annotated
 
 import typer
 
+from seo_slam.config import describe_settings
 from seo_slam.diagnosis import Diagnosis, diagnose
 
 
-def doctor(as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False) -> None:
+def doctor(
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+    settings: Annotated[bool, typer.Option("--settings", help="List every setting with its default instead.")] = False,
+) -> None:
     """What is installed here, and what each extra would add."""
+    if settings:
+        rows = [{"key": key, "default": json.loads(default), "description": text} for key, default, text in describe_settings()]
+        plain = [f"{row['key']:<32}{json.dumps(row['default']):<42}{row['description']}" for row in rows]
+        typer.echo(json.dumps(rows, indent=1) if as_json else "\n".join(plain))
+        return
     found = diagnose()
     typer.echo(json.dumps(found.as_dict(), indent=1) if as_json else "\n".join(_lines(found)))
 

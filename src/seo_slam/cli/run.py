@@ -35,6 +35,7 @@ def run(
         str | None, typer.Option(help="First camera of --odometry visual: 'tx ty tz qx qy qz qw', or a file with 4x4 numbers.")
     ] = None,
     camera: Annotated[Path | None, typer.Option(help="camera.json with the intrinsics.")] = None,
+    fps: Annotated[float | None, typer.Option(min=0.01, help="Frame rate of a plain folder whose images are only numbered.")] = None,
     settings: Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help=_HELP_SET)] = None,
     max_frames: Annotated[int | None, typer.Option(min=1, help="Read at most so many frames.")] = None,
     stride: Annotated[int, typer.Option(min=1, help="Read every so many-th frame.")] = 1,
@@ -52,7 +53,7 @@ def run(
     from seo_slam.run_recording import run_recording
 
     chosen = _settings(preset, config, settings or [])
-    options = {"camera_file": camera, "trajectory_file": trajectory, "skip_broken": skip_broken}
+    options: dict[str, Any] = {"camera_file": camera, "trajectory_file": trajectory, "skip_broken": skip_broken, "fps": fps}
     recording = open_dataset(dataset, path, stride=stride, max_frames=max_frames, **options)
     for warning in recording.warnings:
         typer.echo(f"warning: {warning}", err=True)
@@ -65,7 +66,11 @@ def run(
     in_memory = Pipeline(chosen, odometry=in_use, store="memory")
     if hasattr(in_memory.parts.detector, "check_against"):
         in_memory.parts.detector.check_against(recording.camera)
+    if continue_map is not None and in_use.name == "visual" and "initial_pose" not in in_use.options:
+        raise ConfigError("--continue with --odometry visual needs --initial-pose: where the first camera is in the map's frame")
     old = Map.load(continue_map) if continue_map is not None else None
+    if record_detections is not None:
+        _require_writable(record_detections, out)
     folder = prepare_folder(out, overwrite)
     parts: dict[str, Any] = {name: getattr(in_memory.parts, name) for name in ("detector", "odometry", "embedder")}
     pipeline = Pipeline(chosen, store=Component(name="sqlite", options={"path": folder / "map.db"}), map=old, **parts)
@@ -117,6 +122,20 @@ def _with_odometry(config: Config, name: str | None, initial_pose: str | None, r
             raise ConfigError("--initial-pose goes with --odometry visual: recorded poses already say where the first camera is")
         options["initial_pose"] = read_initial_pose(initial_pose).tolist()
     return config.model_copy(update={"odometry": Component(name=name, options=options)})
+
+
+def _require_writable(file: Path, out: Path) -> None:
+    """Raise ``ConfigError`` unless the file can be made; one that goes into the result's folder waits for that to be made."""
+    if file.resolve().parent == out.resolve() and not file.is_dir():
+        return
+    try:
+        present = file.exists()
+        with file.open("ab"):
+            pass
+        if not present:
+            file.unlink()
+    except OSError as error:
+        raise ConfigError(f"--record-detections {file}: cannot be written: {error.strerror or error}") from error
 
 
 def _print_keyframe(step: "StepResult") -> None:
