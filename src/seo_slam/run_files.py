@@ -36,12 +36,12 @@ def prepare_folder(folder: str | Path, overwrite: bool) -> Path:
         ConfigError: it holds a result and ``overwrite`` is not set, it is a file, or it cannot be written.
     """
     out = Path(folder)
-    if out.exists() and not out.is_dir():
-        raise ConfigError(f"{out}: is a file, wanted a folder for the result")
-    present = [name for name in RESULT_FILES if (out / name).exists()]
-    if present and not overwrite:
-        raise ConfigError(f"{out}: already holds a result ({', '.join(present)}); give --overwrite to replace it, or another --out")
     try:
+        if out.exists() and not out.is_dir():
+            raise ConfigError(f"{out}: is a file, wanted a folder for the result")
+        present = [name for name in RESULT_FILES if (out / name).exists()]
+        if present and not overwrite:
+            raise ConfigError(f"{out}: already holds a result ({', '.join(present)}); give --overwrite to replace it, or another --out")
         out.mkdir(parents=True, exist_ok=True)
         probe = out / ".write_test"
         probe.write_bytes(b"")

@@ -1,9 +1,13 @@
 """From a recording to a folder with a map, a trajectory and a report: what ``seo-slam run`` does, for library users."""
 
+import signal
+import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from types import FrameType
 from typing import Any
 
 from seo_slam.backends.recorded_detector import DetectionRecorder
@@ -54,7 +58,7 @@ def run_recording(
     seen = ReportRecorder()
     complete = True
     detections = DetectionRecorder(record_detections) if record_detections is not None else None
-    with pipeline:
+    with _interrupts_held() as interrupted, pipeline:
         try:
             for frame in _timed(frames, pipeline):
                 step = pipeline.step(frame)
@@ -65,17 +69,43 @@ def run_recording(
                     detections.record(frame, step.detections)
                 if on_step is not None:
                     on_step(step)
+                if interrupted.is_set():
+                    complete = False
+                    break
         except KeyboardInterrupt:
             complete = False
         finally:
             if detections is not None:
                 detections.close()
         result = pipeline.result()
-    settings = pipeline.config.model_dump(mode="json") if config is None else config
-    run = describe_run(result, dataset=dataset, config=settings, complete=complete)
-    write_result(folder, result, run)
-    write_report(folder / "report.html", map=result.map, trajectory=result.trajectory, recorder=seen, run=run)
+        settings = pipeline.config.model_dump(mode="json") if config is None else config
+        run = describe_run(result, dataset=dataset, config=settings, complete=complete)
+        write_result(folder, result, run)
+        write_report(folder / "report.html", map=result.map, trajectory=result.trajectory, recorder=seen, run=run)
     return FinishedRun(result, run, complete)
+
+
+@contextmanager
+def _interrupts_held() -> Iterator[threading.Event]:
+    """Keep Ctrl-C from cutting a frame, or a file, in two: the first one sets the event, a second one ends the run at once.
+
+    Does nothing outside the main thread, or where the program has a handler of its own.
+    """
+    event = threading.Event()
+
+    def hold(number: int, where: FrameType | None) -> None:
+        if event.is_set():
+            signal.default_int_handler(number, where)
+        event.set()
+
+    ours = threading.current_thread() is threading.main_thread() and signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    if ours:
+        signal.signal(signal.SIGINT, hold)
+    try:
+        yield event
+    finally:
+        if ours:
+            signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def _timed(frames: Iterable[Frame], pipeline: Pipeline) -> Iterator[Frame]:

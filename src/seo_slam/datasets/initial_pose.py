@@ -24,6 +24,8 @@ def read_initial_pose(text_or_file: str) -> FloatArray:
             text = Path(text_or_file).read_text(encoding="utf-8")
     except OSError:
         pass  # too long for a file name: it is the numbers themselves
+    except UnicodeDecodeError as error:
+        raise ConfigError(f"initial pose: {text_or_file}: not a text file: {error.reason} at byte {error.start}") from error
     try:
         numbers = np.array([float(field) for field in text.replace(",", " ").split()])
         if len(numbers) == 16:
@@ -33,6 +35,8 @@ def read_initial_pose(text_or_file: str) -> FloatArray:
             T[:3, :3] = rotation_from_quaternion(numbers[[6, 3, 4, 5]])
             T[:3, 3] = numbers[:3]
             return require_transform(T, "initial pose")
-    except (ValueError, FrameError) as error:
+    except FrameError as error:
         raise ConfigError(f"initial pose: {error}") from error
+    except ValueError as error:
+        raise ConfigError(f"initial pose: {text_or_file!r:.80} is neither a file that is there nor numbers: {error}") from error
     raise ConfigError(f"initial pose: got {len(numbers)} numbers, wanted 7 (tx ty tz qx qy qz qw) or 16 (a 4x4 matrix), or a file")
