@@ -1,0 +1,20 @@
+"""What several tests of the command line need: detections of the real recording, made once."""
+
+import pytest
+
+from seo_slam.backends.recorded_detector import DetectionRecorder
+from seo_slam.backends.yolox_detector import YoloxDetector
+from seo_slam.datasets.tum import TumDataset
+
+FRAMES = 60
+
+
+@pytest.fixture(scope="session")
+def detections_file(shared, tmp_path_factory):
+    """Recorded detections of the first 60 frames of the real recording, by the real detector."""
+    path = tmp_path_factory.mktemp("detections") / "detections.jsonl"
+    detector = YoloxDetector(weights=shared / "models/yolox_nano/yolox_nano.onnx", score=0.25)
+    with DetectionRecorder(path) as recorder:
+        for frame in TumDataset(shared / "data/tum_fr1_xyz", max_frames=FRAMES):
+            recorder.record(frame, detector.detect(frame))
+    return path
