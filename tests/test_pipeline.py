@@ -500,13 +500,18 @@ def test_composed_from_a_file(tmp_path, name, text):
         ({"embedder": object()}, "embedder: object has no embed_text, no name"),
         ({"smoother": object()}, "smoother: object has no start, no predict"),
         ({"agents": [object()]}, "agent: object has no propose"),
-        ({"detector": NoDetector}, "detector: NoDetector is a class"),
-        ({"agents": [Once]}, "agent: Once is a class"),
+        ({"detector": Config}, "detector: Config has no detect"),
     ],
 )
 def test_an_object_that_is_no_such_part_is_an_error_that_names_what_it_lacks(parts, words):
     with pytest.raises(ConfigError, match=words):
         Pipeline({"embedder": {"name": "hashed"}}, **{"odometry": recorded(8), **parts})
+
+
+def test_a_class_is_made_with_what_its_constructor_takes():
+    made = Pipeline({"association": {"gate_probability": 0.9}}, associator=NearestAssociator, detector=NoDetector, odometry=recorded(8))
+    assert isinstance(made.parts.detector, NoDetector)
+    assert made.parts.associator._settings.gate_probability == 0.9
 
 
 @pytest.mark.parametrize(

@@ -35,7 +35,7 @@ class Parts:
 
 
 def compose(config: Config, given: Mapping[str, Any], agents: Sequence[Any] | None) -> Parts:
-    """Take each part as given (object, name, component), else from the configuration.
+    """Take each part as given (object, class, name, component), else from the configuration.
 
     Raises:
         ConfigError: an object lacks a method that its interface asks for.
@@ -61,9 +61,7 @@ def compose(config: Config, given: Mapping[str, Any], agents: Sequence[Any] | No
 
 def _part(kind: str, given: Any, component: Component, **context: Any) -> Any:
     wanted = component if given is None else given
-    part = create(kind, wanted, **context) if isinstance(wanted, str | Component) else wanted
-    if isinstance(part, type):
-        raise ConfigError(f"{kind}: {part.__name__} is a class, wanted an object of it: {part.__name__}(…)")
+    part = create(kind, wanted, **context) if isinstance(wanted, str | Component | type) else wanted
     lacking = [method for method in _METHODS[kind] if not hasattr(part, method)]
     if lacking:
         raise ConfigError(f"{kind}: {type(part).__name__} has no {', no '.join(lacking)}; seo_slam.testing can check yours")

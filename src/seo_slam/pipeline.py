@@ -84,7 +84,8 @@ class _KeyframeOutcome:
 class Pipeline:
     """Odometry every frame; detection, lifting, association, smoothing and the object map on keyframes.
 
-    Every part can be an object, a registered name, "module:Class", or come from the configuration:
+    Every part can be an object, a class (it is made with whatever of settings, solver and likelihood it takes), a registered name,
+    "module:Class", or come from the configuration:
 
         with Pipeline(detector=my_detector, odometry=my_odometry) as pipeline:
             for result in pipeline.stream(frames):

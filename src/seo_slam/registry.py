@@ -107,20 +107,23 @@ def missing(what: str, error: ModuleNotFoundError) -> MissingBackendError:
     return MissingBackendError(f"{what} needs the package {package!r}, which is not installed: {how}")
 
 
-def create(kind: str, component: Component | str, **context: Any) -> Any:
+def create(kind: str, component: Component | str | type, **context: Any) -> Any:
     """Make a plug-in.
 
     Args:
         kind: one of ``KINDS``.
-        component: its name, or name and options.
+        component: its name, or name and options, or a class.
         context: further arguments that are passed on only if the constructor takes them (settings, solver, camera, …).
 
     Raises:
         UnknownBackendError, MissingBackendError: as ``find``.
         ConfigError: an option that the constructor does not take, or one it needs is missing.
     """
-    wanted = Component(name=component) if isinstance(component, str) else component
-    factory = find(kind, wanted.name)
+    if isinstance(component, type):
+        wanted, factory = Component(name=component.__name__), component
+    else:
+        wanted = Component(name=component) if isinstance(component, str) else component
+        factory = find(kind, wanted.name)
     parameters = inspect.signature(factory).parameters
     takes_any = any(p.kind is inspect.Parameter.VAR_KEYWORD for p in parameters.values())
     for option in wanted.options:
