@@ -3,7 +3,7 @@
 import numpy as np
 
 from seo_slam.geometry import FloatArray
-from seo_slam.perception.cut_boxes import completed
+from seo_slam.perception.cut_boxes import SIZE_SIGMA_SHARE, SLOPE_SIGMA, completed
 from seo_slam.types import BoolArray, Estimate, Landmarks, Observations
 
 
@@ -88,7 +88,8 @@ def within_reach(
     pose_sigma = np.sqrt(np.trace(pose[3:, 3:])) + range_m * np.sqrt(np.trace(pose[:3, :3]))
     own_sigma = np.sqrt(np.trace(observations.cov_camera, axis1=1, axis2=2))
     distance = np.linalg.norm(observations.p_camera[:, None] - p_camera[None], axis=2)
-    unseen_m = 0.5 * np.linalg.norm(landmarks.across_m, axis=1)
+    unseen_m = 0.5 * np.linalg.norm(landmarks.across_m, axis=1)  # how far completing a cut box may shift it, at what uncertainty
+    unseen_sigma = (SLOPE_SIGMA + SIZE_SIGMA_SHARE) * unseen_m
     landmark_sigma = np.sqrt(np.trace(landmarks.cov_world, axis1=1, axis2=2))
-    reach = np.sqrt(threshold) * (own_sigma[:, None] + (pose_sigma + landmark_sigma)[None]) + unseen_m[None]
+    reach = np.sqrt(threshold) * (own_sigma[:, None] + (pose_sigma + landmark_sigma + unseen_sigma)[None]) + unseen_m[None]
     return np.asarray((range_m < search_distance_m) & (distance < reach).any(axis=0), dtype=np.bool_)
