@@ -160,6 +160,25 @@ def test_lost_odometry_is_a_warning_and_the_map_helps_out():
     assert np.linalg.norm(steps[4].T_world_camera[:3, 3] - tiny_trajectory(8)[4][:3, 3]) < 0.05
 
 
+def test_a_gap_in_the_poses_places_nothing_where_the_camera_is_a_guess():
+    """Between frames 4 and 7 there are no poses: what is seen then makes no landmarks, so that none is where nothing is."""
+    gap = recorded(12, max_gap_s=0.15)
+    keep = np.r_[0:4, 8:12]
+    gap.trajectory = replace(
+        gap.trajectory, timestamps_s=gap.trajectory.timestamps_s[keep], T_world_camera=gap.trajectory.T_world_camera[keep]
+    )
+    made = pipeline(12, odometry=gap, detector=BlockDetector(tiny_trajectory(12)))
+    steps, result = run(made, frames(12))
+    assert [step.odometry_status for step in steps] == ["ok"] * 4 + ["lost"] * 4 + ["ok"] * 4
+    for step in steps[4:9]:
+        assert [event.kind for event in step.events if event.kind == "created"] == []
+    rows = (*result.map.landmarks, *result.map.tentative)
+    assert {row.label for row in rows} == {"cup", "book"}
+    for row in rows:
+        assert np.linalg.norm(row.position_m - centre_world(row.label)) < 0.08
+    np.testing.assert_allclose(steps[-1].T_world_camera, tiny_trajectory(12)[-1], atol=0.05)
+
+
 def test_frames_before_the_first_pose_are_left_out():
     late = recorded(8)
     late.trajectory = replace(

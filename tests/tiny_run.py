@@ -39,8 +39,10 @@ class BlockDetector:
             T_camera_first = inverse(self.poses[frame.index]) @ T_WORLD_FIRST
             uv = frame.camera.project(transform_points(T_camera_first, corners))
             box = np.concatenate([uv.min(axis=0), uv.max(axis=0)])
-            boxes.append(np.clip(box, 0, [frame.camera.width, frame.camera.height] * 2))
-            labels.append(label)
+            box = np.clip(box, 0, [frame.camera.width, frame.camera.height] * 2)
+            if (box[2:] - box[:2] > 8).all():
+                boxes.append(box)
+                labels.append(label)
         return Detections(np.array(boxes).reshape(-1, 4), tuple(labels), np.full(len(labels), 0.9))
 
 

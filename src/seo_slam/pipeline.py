@@ -167,8 +167,7 @@ class Pipeline:
 
     def stream(self, frames: Iterable[Frame]) -> Iterator[StepResult]:
         """Yield the result of each frame as it is done."""
-        for frame in frames:
-            yield self.step(frame)
+        yield from map(self.step, frames)
 
     def step(self, frame: Frame) -> StepResult:
         """Process one frame.
@@ -297,6 +296,8 @@ class Pipeline:
             predicted = self._estimate if motion is None else parts.smoother.predict(motion)
             association = parts.associator.associate(observations, self._objects.landmarks(parts.smoother), predicted)
             landmark_ids = association.landmark_ids.copy()
+            if motion is not None and motion.status == "lost":  # a guessed camera places nothing new
+                landmark_ids[landmark_ids == NEW] = REJECTED
             landmark_ids[landmark_ids == NEW] = self._objects.new_ids(int((landmark_ids == NEW).sum()))
             used = landmark_ids != REJECTED
         with clock.stage("smooth"):
@@ -322,8 +323,7 @@ class Pipeline:
 
     def _should_see(self, frame: Frame) -> IntArray:
         ids, p_world = self.parts.smoother.positions()
-        T_world_camera, max_depth_m = self._estimate.T_world_camera, self.config.lifting.max_depth_m
-        return ids[in_view(p_world, self._objects.sizes_m(ids), T_world_camera, frame, max_depth_m)]
+        return ids[in_view(p_world, self._objects.sizes_m(ids), self._estimate.T_world_camera, frame, self.config.lifting.max_depth_m)]
 
     def _completed(self, observations: Observations, landmark_ids: IntArray) -> Observations:
         """Measure the centre of the whole thing where the image border cuts a box."""
@@ -335,8 +335,7 @@ class Pipeline:
 
     def _merge_duplicates(self, frame: Frame, seen_now: IntArray) -> list[MapEvent]:
         ids, p_world = self.parts.smoother.positions()
-        T_world_camera = self._estimate.T_world_camera
-        pairs = duplicate_pairs(self._objects, ids, p_world, seen_now, self._likelihood, T_world_camera, frame.camera)
+        pairs = duplicate_pairs(self._objects, ids, p_world, seen_now, self._likelihood, self._estimate.T_world_camera, frame.camera)
         return [merge_landmarks(keep_id, drop_id, self._objects, self.parts.smoother) for keep_id, drop_id in pairs]
 
     def _ask_agents(self, frame: Frame, warnings: list[str]) -> list[MapEvent]:

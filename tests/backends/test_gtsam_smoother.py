@@ -158,9 +158,9 @@ def test_robust_loss_damps_an_outlier():
     assert after(robust=False) > 1.5 * after(robust=True)
 
 
-def test_huber_k_is_taken_from_the_settings():
+def test_cauchy_k_is_taken_from_the_settings():
     def pulled(k):
-        smoother, _ = drive(smoother=GtsamSmoother(SmootherSettings(huber_k=k)))
+        smoother, _ = drive(smoother=GtsamSmoother(SmootherSettings(cauchy_k=k)))
         wrong = measured(6, [0])
         wrong = replace(wrong, p_camera=wrong.p_camera + np.array([0.25, 0.0, 0.0]))
         smoother.update(motions(7)[5], wrong, ids(0))

@@ -3,7 +3,7 @@
 import numpy as np
 
 from seo_slam.geometry import FloatArray, adjoint, compose_motion, inverse
-from seo_slam.types import Motion
+from seo_slam.types import Motion, OdometryStatus
 
 
 class MotionChain:
@@ -27,7 +27,7 @@ class MotionChain:
 
     @property
     def motion(self) -> Motion | None:
-        """The motion so far with its covariance; None on the keyframe itself."""
+        """The motion so far with its covariance, "lost" if any step was; None on the keyframe itself."""
         return self._motion
 
     def add(self, step: Motion) -> None:
@@ -40,7 +40,8 @@ class MotionChain:
         if self._telescopes and self._at_keyframe is not None and step.end_covariance is not None:
             Ad = adjoint(inverse(T))
             covariance = Ad @ self._at_keyframe @ Ad.T + step.end_covariance
-        self._motion = Motion(T_previous_current=T, covariance=covariance, end_covariance=step.end_covariance)
+        status: OdometryStatus = "lost" if "lost" in (self._motion.status, step.status) else "ok"
+        self._motion = Motion(T_previous_current=T, covariance=covariance, status=status, end_covariance=step.end_covariance)
 
     def restart(self, keyframe: Motion) -> None:
         """Begin anew at a keyframe, whose own motion was the last one added (or the first of all)."""
