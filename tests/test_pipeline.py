@@ -172,6 +172,7 @@ def test_a_gap_in_the_poses_places_nothing_where_the_camera_is_a_guess():
     assert [step.odometry_status for step in steps] == ["ok"] * 4 + ["lost"] * 4 + ["ok"] * 4
     for step in steps[4:9]:
         assert [event.kind for event in step.events if event.kind == "created"] == []
+    assert sorted(result.warnings.values()) == [4]  # one warning for the gap, not one a frame
     rows = (*result.map.landmarks, *result.map.tentative)
     assert {row.label for row in rows} == {"cup", "book"}
     for row in rows:

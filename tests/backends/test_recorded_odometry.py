@@ -64,7 +64,7 @@ def test_noise_is_a_floor_and_a_share_of_the_step():
 
 @pytest.mark.parametrize(
     ("t", "why", "held"),
-    [(-1.0, "first pose is 1.000 s later", 0), (5.0, "last pose is 3.000 s earlier", 2), (1.0, "1.900 s apart there", 1)],
+    [(-1.0, "the first one is at 0.000 s", 0), (5.0, "the last one is at 2.000 s", 2), (1.0, "0.100 and 2.000 s are 1.900 s apart", 1)],
 )
 def test_lost_says_why_and_how_poorly_it_knows(t, why, held):
     trajectory = walk([0.0, 0.1, 2.0])

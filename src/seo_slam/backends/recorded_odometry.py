@@ -88,17 +88,21 @@ class RecordedOdometry:
         after = int(np.searchsorted(stamps_s, timestamp_s))
         if self._T_world_previous is None:  # nothing known yet: stand where the trajectory is nearest
             self._T_world_previous = np.array(self.trajectory.T_world_camera[max(0, after - 1)])
+        # The same words for all frames of a gap, so that a run counts them as one warning.
         if after == 0:
-            why = f"the first pose is {stamps_s[0] - timestamp_s:.3f} s later"
+            why = f"the first one is at {stamps_s[0]:.3f} s"
         elif after == len(stamps_s):
-            why = f"the last pose is {timestamp_s - stamps_s[-1]:.3f} s earlier"
+            why = f"the last one is at {stamps_s[-1]:.3f} s"
         else:
-            why = f"poses are {stamps_s[after] - stamps_s[after - 1]:.3f} s apart there, more than {self.max_gap_s:.3f} s"
+            gap_s = stamps_s[after] - stamps_s[after - 1]
+            why = (
+                f"those at {stamps_s[after - 1]:.3f} and {stamps_s[after]:.3f} s are {gap_s:.3f} s apart, more than {self.max_gap_s:.3f} s"
+            )
         return Motion(
             T_previous_current=np.eye(4),
             covariance=self._lost.copy(),
             status="lost",
-            message=f"no recorded pose at {timestamp_s:.6f} s: {why}",
+            message=f"no recorded pose here: {why}",
             T_world_camera=self._T_world_previous,
         )
 
