@@ -62,7 +62,7 @@ def write_result(folder: Path, result: RunResult, run: Mapping[str, Any]) -> Non
     os.replace(temporary, folder / "run.json")
 
 
-def describe_run(result: RunResult, *, dataset: str, config: Mapping[str, Any], complete: bool, skipped: int = 0) -> dict[str, Any]:
+def describe_run(result: RunResult, *, dataset: str, config: Mapping[str, Any], complete: bool) -> dict[str, Any]:
     """Return the content of run.json: counts, seconds a stage, peak memory, versions, configuration, seeds.
 
     Args:
@@ -70,7 +70,6 @@ def describe_run(result: RunResult, *, dataset: str, config: Mapping[str, Any], 
         dataset: what was read, for people.
         config: the settings in force.
         complete: False when the run was interrupted; the result is then valid for what was seen.
-        skipped: frames of the recording that were not given to the pipeline (stride, limit).
     """
     return {
         "schema": RUN_SCHEMA,
@@ -78,7 +77,6 @@ def describe_run(result: RunResult, *, dataset: str, config: Mapping[str, Any], 
         "complete": complete,
         "counts": {
             "frames": result.frames,
-            "frames_skipped": skipped,
             "keyframes": result.keyframes,
             "lost_frames": result.lost_frames,
             "detections": result.detections,
