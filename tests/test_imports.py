@@ -32,6 +32,7 @@ ORDER = (
     "map_export",
     "stages",
     "composition",
+    "keeping",
     "pipeline",
     "run_files",
     "diagnosis",

@@ -20,7 +20,7 @@ from seo_slam.interfaces import Agent
 from seo_slam.map import Map
 from seo_slam.pipeline import LEVEL_FIRST_CAMERA, Pipeline
 from seo_slam.records import Confirm, Merge, Relabel, Remove
-from seo_slam.testing.worlds import tiny_frames, tiny_trajectory
+from seo_slam.testing.worlds import T_WORLD_FIRST, tiny_frames, tiny_trajectory
 from seo_slam.types import NEW, Detections, Motion
 from tiny_run import BlockDetector, centre_world, frames, pipeline, recorded, trajectory
 
@@ -382,6 +382,18 @@ def test_an_agent_sees_stable_landmarks_with_versions_and_boxes():
     assert (inside < box[2:]).all()
 
 
+def test_an_agent_is_given_no_box_of_what_is_out_of_the_image():
+    agent = Once(lambda rows: [], keyframe=99)
+    _, first = run(pipeline(), frames())
+    beside = [
+        replace(row, position_m=row.position_m + 5.0 * np.array(T_WORLD_FIRST)[:3, 0] * (row.label == "cup")) for row in first.map.landmarks
+    ]
+    run(pipeline(map=Map(beside, first.map.gravity, "hashed"), agents=[agent]), frames())
+    view = agent.views[0]
+    assert {0, 1} <= set(view.landmarks.ids.tolist())
+    assert set(view.boxes_px) == {row.id for row in beside if row.label == "book"}
+
+
 def test_relabel_remove_and_confirm_are_applied():
     def edits(rows):
         return [Relabel(0, rows[0].version, "teapot", "me"), Remove(1, rows[1].version, "me")]
@@ -516,7 +528,7 @@ def test_composed_from_a_file(tmp_path, name, text):
         ({"detector": object()}, "detector: object has no detect"),
         ({"odometry": object()}, "odometry: object has no update"),
         ({"associator": object()}, "associator: object has no associate"),
-        ({"store": object()}, "store: object has no commit, no keyframe_ids"),
+        ({"store": object()}, "store: object has no commit, no keyframe, no keyframe_ids, no set_meta"),
         ({"embedder": object()}, "embedder: object has no embed_text, no name"),
         ({"smoother": object()}, "smoother: object has no start, no predict"),
         ({"agents": [object()]}, "agent: object has no propose"),

@@ -178,6 +178,10 @@ class MapStore(Protocol):
         """Ids of landmarks within ``radius_m`` of a point (3,), nearest first."""
         ...
 
+    def next_id(self) -> int:
+        """The lowest landmark id that was never used, also not by a landmark that left the map."""
+        ...
+
     def history(self, landmark_id: int) -> tuple[tuple[int, str, str, str], ...]:
         """``(keyframe_id, kind, detail, source)`` of every event of a landmark, oldest first; also of ids that left the map."""
         ...

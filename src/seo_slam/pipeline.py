@@ -12,8 +12,9 @@ from seo_slam.association.label_likelihood import LabelLikelihood
 from seo_slam.composition import Parts, compose
 from seo_slam.config import Config
 from seo_slam.errors import AgentError, EditRefused, FrameError
-from seo_slam.geometry import FloatArray, diagonal_blocks
+from seo_slam.geometry import FloatArray
 from seo_slam.interfaces import AgentView
+from seo_slam.keeping import Keeper
 from seo_slam.map import Map
 from seo_slam.mapping.duplicates import duplicate_pairs, projected_box
 from seo_slam.mapping.edits import apply_edit, merge_landmarks
@@ -21,18 +22,15 @@ from seo_slam.mapping.keyframes import is_keyframe
 from seo_slam.mapping.motion_chain import MotionChain
 from seo_slam.mapping.object_map import ObjectMap
 from seo_slam.mapping.visibility import in_view
-from seo_slam.perception.adapters import to_detections
+from seo_slam.perception.adapters import outside, to_detections
 from seo_slam.perception.cut_boxes import completed
 from seo_slam.perception.lifting import observe
-from seo_slam.records import KeyframeRecord, MapEvent, StepResult, Trajectory
+from seo_slam.records import MapEvent, StepResult, Trajectory
 from seo_slam.stages import StageClock
 from seo_slam.types import NEW, REJECTED, Association, Detections, Estimate, Frame, IntArray, Landmarks, Motion, Observations
 
 LEVEL_FIRST_CAMERA = np.array([[1.0, 0, 0, 0], [0, 0, 1.0, 0], [0, -1.0, 0, 0], [0, 0, 0, 1.0]])
 """T_world_camera of a first camera of unknown pose: at the origin, looking along y, its image upright (z up if it is held level)."""
-
-KEPT_WITHIN_M = 0.01
-"""The store keeps every landmark within this of where the map has it."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -132,7 +130,9 @@ class Pipeline:
         self.parts: Parts = compose(self.config, given, agents)
         self._likelihood = LabelLikelihood(self.parts.embedder)
         self._old_map = None if map is None else map.with_embeddings(self.parts.embedder)
-        self._objects = ObjectMap(self.config.map, self.parts.embedder.size, map.next_id if map is not None else 0)
+        next_id = max(self.parts.store.next_id(), 0 if map is None else map.next_id)
+        self._objects = ObjectMap(self.config.map, self.parts.embedder.size, next_id)
+        self._keeper = Keeper(self.parts, self._objects)
         self.clock = StageClock()
         self._counts = _Counts()
         self._since_keyframe = MotionChain()
@@ -143,7 +143,6 @@ class Pipeline:
         self._first_keyframe_id = int(kept[-1]) + 1 if len(kept) else 0
         self._path: list[tuple[float, int, FloatArray]] = []  # stamp, keyframe, T_keyframe_frame
         self._gravity = "unknown"
-        self._kept_at: dict[int, FloatArray] = {}
 
     @classmethod
     def from_preset(cls, name: str, **parts: Any) -> Self:
@@ -200,7 +199,7 @@ class Pipeline:
             timestamp_s=frame.timestamp_s,
             T_world_camera=T_world_camera,
             odometry_status=motion.status,
-            keyframe_id=self._first_keyframe_id + self._keyframes - 1 if outcome else None,
+            keyframe_id=self._keyframe_id if outcome else None,
             detections=outcome.detections if outcome else None,
             observations=outcome.observations if outcome else None,
             association=outcome.association if outcome else None,
@@ -212,18 +211,30 @@ class Pipeline:
 
     def _advance(self, frame: Frame, motion: Motion, warnings: list[str]) -> tuple[FloatArray, _KeyframeOutcome | None]:
         """Move the camera, and map if the frame is a keyframe; return ``T_world_camera`` and what the keyframe did."""
-        first, since, outcome = not self._path, self._since_keyframe, None
+        first, since = not self._path, self._since_keyframe
         if not first:
             since.add(motion)
         elapsed_s = frame.timestamp_s - self._keyframe_stamp_s
-        if first or is_keyframe(since.T_keyframe_frame, elapsed_s, self.config.keyframes):
-            detections, observations = self._measure(frame, warnings)
-            if first:  # only now: a detector that fails on the first frame must leave no trace
-                self._start(motion)
-            outcome = self._keyframe(frame, since.motion, detections, observations, warnings)
-            since.restart(motion)
-        self._path.append((frame.timestamp_s, self._keyframes - 1, since.T_keyframe_frame))
-        return self._estimate.T_world_camera @ since.T_keyframe_frame, outcome
+        if not first and not is_keyframe(since.T_keyframe_frame, elapsed_s, self.config.keyframes):
+            self._path.append((frame.timestamp_s, self._keyframes - 1, since.T_keyframe_frame))
+            return self._estimate.T_world_camera @ since.T_keyframe_frame, None
+        detections, observations = self._measure(frame, warnings)
+        if first:  # only now: a detector that fails on the first frame must leave no trace
+            self._start(motion)
+            self._placed(frame, motion)
+        outcome = self._keyframe(frame, motion, detections, observations, warnings)
+        return self._estimate.T_world_camera, outcome
+
+    def _placed(self, frame: Frame, motion: Motion) -> None:
+        """Go on from a keyframe that is in the graph now; from here on a part that raises cannot tear graph and path apart."""
+        self._keyframes += 1
+        self._keyframe_stamp_s = frame.timestamp_s
+        self._path.append((frame.timestamp_s, self._keyframes - 1, np.eye(4)))
+        self._since_keyframe.restart(motion)
+
+    @property
+    def _keyframe_id(self) -> int:
+        return self._first_keyframe_id + self._keyframes - 1
 
     def result(self) -> RunResult:
         """Return the map and trajectory so far; can be asked for at any time."""
@@ -287,11 +298,10 @@ class Pipeline:
         return detections, observations
 
     def _keyframe(
-        self, frame: Frame, motion: Motion | None, detections: Detections, observations: Observations, warnings: list[str]
+        self, frame: Frame, step: Motion, detections: Detections, observations: Observations, warnings: list[str]
     ) -> _KeyframeOutcome:
-        """Associate, smooth, map, edit, keep."""
-        clock, parts = self.clock, self.parts
-        keyframe_id = self._first_keyframe_id + self._keyframes
+        """Associate, smooth, map, edit, keep; ``step`` is the frame's own motion."""
+        clock, parts, motion = self.clock, self.parts, self._since_keyframe.motion
         with clock.stage("associate"):
             predicted = self._estimate if motion is None else parts.smoother.predict(motion)
             association = parts.associator.associate(observations, self._objects.landmarks(parts.smoother), predicted)
@@ -303,8 +313,8 @@ class Pipeline:
         with clock.stage("smooth"):
             whole = self._completed(observations[used], landmark_ids[used])
             self._estimate = parts.smoother.update(motion, whole, landmark_ids[used])
-        self._keyframes += 1
-        self._keyframe_stamp_s = frame.timestamp_s
+        if motion is not None:
+            self._placed(frame, step)
         with clock.stage("map"):
             events = self._objects.integrate(
                 observations[used], landmark_ids[used], self._estimate.T_world_camera, frame.timestamp_s, self._should_see(frame)
@@ -315,10 +325,10 @@ class Pipeline:
             with clock.stage("agents"):
                 events += self._ask_agents(frame, warnings)
         with clock.stage("store"):
-            self._keep(keyframe_id, frame, motion, observations[used], landmark_ids[used], events)
+            self._keeper.keep(self._keyframe_id, frame.timestamp_s, self._estimate, motion, observations[used], landmark_ids[used], events)
         self._counts.detections += len(detections)
         self._counts.observations += len(observations)
-        self._counts.events += [(keyframe_id, event) for event in events]
+        self._counts.events += [(self._keyframe_id, event) for event in events]
         return _KeyframeOutcome(detections, observations, association, landmark_ids, tuple(events))
 
     def _should_see(self, frame: Frame) -> IntArray:
@@ -344,7 +354,8 @@ class Pipeline:
             rows = [row for row in self._objects.rows(self.parts.smoother) if row.state == "stable"]
             T = self._estimate.T_world_camera
             boxes = {row.id: projected_box(row.position_m, row.size_m, T, frame.camera) for row in rows}
-            view = AgentView(frame, T, Landmarks.from_rows(rows), {i: box for i, box in boxes.items() if box is not None})
+            in_image = {i: box for i, box in boxes.items() if box is not None and not outside(box[None], frame.camera)[0]}
+            view = AgentView(frame, T, Landmarks.from_rows(rows), in_image)
             try:
                 edits = list(agent.propose(view))
             except AgentError as error:
@@ -352,49 +363,7 @@ class Pipeline:
                 continue
             for edit in edits:
                 try:
-                    events.append(apply_edit(edit, self._objects, self.parts.smoother))
+                    events.append(apply_edit(edit, self._objects, self.parts.smoother, self.parts.embedder))
                 except EditRefused as error:
                     warnings.append(f"agent {agent.name}: edit refused: {error}")
         return events
-
-    def _keep(
-        self,
-        keyframe_id: int,
-        frame: Frame,
-        motion: Motion | None,
-        observations: Observations,
-        landmark_ids: IntArray,
-        events: list[MapEvent],
-    ) -> None:
-        gone = {event.landmark_id for event in events if event.kind in ("merged", "removed")}
-        touched = {int(i) for i in landmark_ids} | {event.landmark_id for event in events}
-        touched |= {event.other_id for event in events if event.other_id is not None}
-        ids = np.array(sorted((touched | self._moved_since_kept()) - gone), dtype=np.int64)
-        joint = self._estimate.joint_covariance(ids)
-        changed = self._objects.rows_with(ids, self._positions_of(ids), diagonal_blocks(joint[6:, 6:]))
-        self._kept_at.update({row.id: row.position_m for row in changed})
-        self.parts.store.commit(
-            KeyframeRecord(
-                keyframe_id=keyframe_id,
-                timestamp_s=frame.timestamp_s,
-                T_world_camera=self._estimate.T_world_camera,
-                covariance=joint[:6, :6],
-                T_previous_current=motion.T_previous_current if motion else np.eye(4),
-                motion_covariance=motion.covariance if motion else np.zeros((6, 6)),
-                observations=observations,
-                landmark_ids=landmark_ids,
-                landmarks=tuple(changed),
-                removed_ids=tuple(sorted(gone)),
-                events=tuple(events),
-            )
-        )
-
-    def _moved_since_kept(self) -> set[int]:
-        """Landmarks that are not where the store has them, or not in it at all: optimisation moves what is not in view too."""
-        unknown = np.full(3, np.inf)
-        ids, positions = self.parts.smoother.positions()
-        return {int(i) for i, p in zip(ids, positions, strict=True) if np.abs(p - self._kept_at.get(int(i), unknown)).max() > KEPT_WITHIN_M}
-
-    def _positions_of(self, landmark_ids: IntArray) -> FloatArray:
-        ids, positions = self.parts.smoother.positions()
-        return positions[np.searchsorted(ids, landmark_ids)]

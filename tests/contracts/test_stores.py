@@ -49,12 +49,17 @@ class LosesHistory(MemoryStore):
         return super().history(landmark_id)[-1:]
 
 
+class ReusesIds(MemoryStore):
+    def next_id(self):
+        return max((row.id + 1 for row in self.landmarks()), default=0)
+
+
 class NeverCloses(MemoryStore):
     def close(self):
         pass
 
 
-@pytest.mark.parametrize("broken", [KeepsRemoved, TakesIdsTwice, FarthestFirst, WritesBeforeItChecks, LosesHistory, NeverCloses])
+@pytest.mark.parametrize("broken", [KeepsRemoved, TakesIdsTwice, FarthestFirst, WritesBeforeItChecks, LosesHistory, ReusesIds, NeverCloses])
 def test_contract_catches(broken):
     with pytest.raises(AssertionError):
         check_store(broken)

@@ -4,9 +4,13 @@ import numpy as np
 import pytest
 from small_map import AT, SmallMap
 
+from seo_slam.backends.hashed_embedder import HashedEmbedder
 from seo_slam.errors import EditRefused
-from seo_slam.mapping.edits import LONGEST_LABEL, apply_edit
+from seo_slam.mapping.edits import apply_edit
+from seo_slam.perception.labels import MAX_LABEL_CHARACTERS
 from seo_slam.records import Confirm, Merge, Relabel, Remove
+
+EMBEDDER = HashedEmbedder(size=8)
 
 
 @pytest.fixture
@@ -30,7 +34,7 @@ def state(desk):
 
 
 def apply(desk, edit):
-    return apply_edit(edit, desk.objects, desk.smoother)
+    return apply_edit(edit, desk.objects, desk.smoother, EMBEDDER)
 
 
 def test_confirm_changes_nothing(desk):
@@ -55,11 +59,32 @@ def test_relabel_wins_over_the_detector_from_then_on(desk):
     assert row.labels["cup"] > 0
 
 
+def test_a_query_finds_a_thing_by_the_word_that_an_agent_gave_it(desk):
+    word = EMBEDDER.embed_text(["teapot"])[0]
+    before = float(word @ desk.row(0).embedding)
+    apply(desk, Relabel(0, version(desk, 0), "teapot"))
+    assert float(word @ desk.row(0).embedding) > max(0.7, before + 0.2)
+    assert np.linalg.norm(desk.row(0).embedding) == pytest.approx(1.0)
+    for _ in range(5):
+        desk.see({0: (AT, "cup")})
+    assert float(word @ desk.row(0).embedding) > 0.7
+    apply(desk, Merge(1, version(desk, 1), 0, version(desk, 0)))
+    assert float(word @ desk.row(1).embedding) > 0.7
+
+
+@pytest.mark.parametrize("edit", [None, "Remove 0", Relabel(0, 1, 3.5)])
+def test_what_is_no_edit_is_refused(desk, edit):
+    before = state(desk)
+    with pytest.raises(EditRefused):
+        apply(desk, edit)
+    assert state(desk) == before
+
+
 def test_relabel_cleans_and_caps_the_text(desk):
     apply(desk, Relabel(0, version(desk, 0), "  tea\x1b[31m\npot\u202e  "))
-    assert desk.row(0).label == "tea[31mpot"
+    assert desk.row(0).label == "tea[31m pot"
     apply(desk, Relabel(0, version(desk, 0), "x" * 1000))
-    assert len(desk.row(0).label) == LONGEST_LABEL
+    assert len(desk.row(0).label) == MAX_LABEL_CHARACTERS
 
 
 @pytest.mark.parametrize("label", ["", "  ", "\n\x00\u200b"])

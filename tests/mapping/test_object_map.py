@@ -138,7 +138,7 @@ def test_ids_rise_and_are_never_reused():
 def test_unknown_ids_are_errors():
     objects = ObjectMap(MapSettings(), 8)
     assert 3 not in objects
-    for call in (lambda: objects[3], lambda: objects.forget(3), lambda: objects.relabel(3, "cup"), lambda: objects.merge(3, 4)):
+    for call in (lambda: objects[3], lambda: objects.forget(3), lambda: objects.relabel(3, "cup", np.ones(1)), lambda: objects.merge(3, 4)):
         with pytest.raises(UnknownLandmarkError, match="landmark 3"):
             call()
 
@@ -214,7 +214,7 @@ def test_the_word_of_an_agent_outlives_a_merge():
     desk = SmallMap()
     desk.see({0: (AT, "cup")})
     desk.see({1: (AT, "cup")})
-    desk.objects.relabel(1, "teapot")
+    desk.objects.relabel(1, "teapot", np.eye(8)[0])
     desk.smoother.merge(0, 1)
     desk.objects.merge(0, 1)
     assert desk.row(0).label == "teapot"

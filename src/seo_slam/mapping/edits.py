@@ -2,23 +2,22 @@
 
 import numpy as np
 
-from seo_slam.errors import EditRefused
-from seo_slam.interfaces import Smoother
+from seo_slam.errors import EditRefused, FrameError
+from seo_slam.interfaces import Embedder, Smoother
 from seo_slam.mapping.object_map import ObjectMap
+from seo_slam.perception.labels import clean_label
 from seo_slam.records import Confirm, Edit, MapEvent, Merge, Relabel, Remove
 
-LONGEST_LABEL = 80
 
-
-def apply_edit(edit: Edit, object_map: ObjectMap, smoother: Smoother) -> MapEvent:
-    """Apply one edit to map and graph.
+def apply_edit(edit: Edit, object_map: ObjectMap, smoother: Smoother, embedder: Embedder) -> MapEvent:
+    """Apply one edit to map and graph; ``embedder`` gives a new word its vector, so that a query finds it.
 
     Returns:
         The event for the history.
 
     Raises:
-        EditRefused: an id is unknown, its version has changed since the agent saw it, the label is empty, or two landmarks to be merged
-            lie farther apart than their extents allow. Nothing has changed then.
+        EditRefused: it is no edit, an id is unknown, its version has changed since the agent saw it, the label is no text or empty,
+            or two landmarks to be merged lie farther apart than their extents allow. Nothing has changed then.
     """
     match edit:
         case Confirm(landmark_id, version, source):
@@ -26,11 +25,9 @@ def apply_edit(edit: Edit, object_map: ObjectMap, smoother: Smoother) -> MapEven
             return MapEvent("confirmed", landmark_id, object_map[landmark_id].label, source)
         case Relabel(landmark_id, version, label, source):
             _require_version(object_map, landmark_id, version)
-            clean = "".join(c for c in label if c.isprintable()).strip()[:LONGEST_LABEL]
-            if not clean:
-                raise EditRefused(f"landmark {landmark_id}: got an empty label")
+            clean = _clean(label, landmark_id)
             before = object_map[landmark_id].label
-            object_map.relabel(landmark_id, clean)
+            object_map.relabel(landmark_id, clean, embedder.embed_text([clean])[0])
             return MapEvent("relabelled", landmark_id, f"{before} -> {clean}", source)
         case Remove(landmark_id, version, source):
             _require_version(object_map, landmark_id, version)
@@ -45,6 +42,8 @@ def apply_edit(edit: Edit, object_map: ObjectMap, smoother: Smoother) -> MapEven
             _require_version(object_map, drop_id, drop_version)
             _require_close(keep_id, drop_id, object_map, smoother)
             return merge_landmarks(keep_id, drop_id, object_map, smoother, source)
+        case _:
+            raise EditRefused(f"got {edit!r:.80}, wanted Confirm, Relabel, Remove or Merge")
 
 
 def merge_landmarks(keep_id: int, drop_id: int, object_map: ObjectMap, smoother: Smoother, source: str = "pipeline") -> MapEvent:
@@ -53,6 +52,16 @@ def merge_landmarks(keep_id: int, drop_id: int, object_map: ObjectMap, smoother:
     smoother.merge(keep_id, drop_id)
     object_map.merge(keep_id, drop_id)
     return MapEvent("merged", drop_id, label, source, other_id=keep_id)
+
+
+def _clean(label: str, landmark_id: int) -> str:
+    try:
+        clean = clean_label(label)
+    except FrameError as error:
+        raise EditRefused(f"landmark {landmark_id}: {error}") from error
+    if clean is None:
+        raise EditRefused(f"landmark {landmark_id}: got an empty label")
+    return clean
 
 
 def _require_version(object_map: ObjectMap, landmark_id: int, version: int) -> None:

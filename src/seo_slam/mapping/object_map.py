@@ -25,6 +25,9 @@ SEPARATE_CONTAINMENT = 0.3
 AGENT_SHARE = 0.6
 """Weight of the word that an agent gave: more than half, so that it is the heaviest wherever the map is read."""
 
+LEAST_WEIGHT = 1e-3
+"""A word weighs at least this, whatever its score: some detectors give none."""
+
 UNKNOWN_SIGMA_M = 1.0
 
 
@@ -38,7 +41,7 @@ class Thing:
         whole_sizes, cut_sizes: (3,) world extents seen in full, and cut by the image border.
         whole_across: (2,) width and height across the line of sight, seen in full.
         views: keyframes that saw it, or should have.
-        fixed_label: the word an agent gave it.
+        fixed_label, fixed_embedding: the word an agent gave it, and (D,) its unit embedding.
         cov_world: (3, 3) of its position, as last asked of the smoother.
     """
 
@@ -55,6 +58,7 @@ class Thing:
     state: LandmarkState = "tentative"
     version: int = 0
     fixed_label: str | None = None
+    fixed_embedding: FloatArray | None = None
     cov_world: FloatArray = field(default_factory=lambda: UNKNOWN_SIGMA_M**2 * np.eye(3))
     _size_m: FloatArray | None = None
     _across_m: FloatArray | None = None
@@ -100,10 +104,11 @@ class Thing:
         return self._across_m
 
     def embedding(self) -> FloatArray:
-        """(D,) unit vector, zeros while unnamed."""
+        """(D,) unit vector of the words and an agent's word, by their shares; zeros while unnamed."""
         if self._embedding is None:
-            norm = float(np.linalg.norm(self.embedding_sum))
-            self._embedding = self.embedding_sum / norm if norm > 0 else self.embedding_sum.copy()
+            self._embedding = _unit(self.embedding_sum)
+            if self.fixed_embedding is not None:
+                self._embedding = _unit((1.0 - AGENT_SHARE) * self._embedding + AGENT_SHARE * self.fixed_embedding)
         return self._embedding
 
 
@@ -186,7 +191,7 @@ class ObjectMap:
         timestamp_s: float,
     ) -> list[MapEvent]:
         before = thing.label
-        label, score = observations.labels[row], float(observations.scores[row])
+        label, score = observations.labels[row], max(float(observations.scores[row]), LEAST_WEIGHT)
         if label:
             thing.weights[label] = thing.weights.get(label, 0.0) + score
             thing.embedding_sum = thing.embedding_sum + score * observations.embeddings[row]
@@ -256,7 +261,7 @@ class ObjectMap:
         if "stable" in (keep.state, drop.state):
             keep.state = "stable"
         if keep.fixed_label is None:
-            keep.fixed_label = drop.fixed_label
+            keep.fixed_label, keep.fixed_embedding = drop.fixed_label, drop.fixed_embedding
         keep.version += 1
         keep.changed()
         for pair, times in list(self.seen_apart.items()):  # what is not the one is not the other
@@ -271,10 +276,10 @@ class ObjectMap:
         for pair in [pair for pair in self.seen_apart if landmark_id in pair]:
             del self.seen_apart[pair]
 
-    def relabel(self, landmark_id: int, label: str) -> None:
-        """Set the word of a thing, whatever the detector says."""
+    def relabel(self, landmark_id: int, label: str, embedding: FloatArray) -> None:
+        """Set the word of a thing, and its unit embedding (D,), whatever the detector says."""
         thing = self[landmark_id]
-        thing.fixed_label = label
+        thing.fixed_label, thing.fixed_embedding = label, embedding
         thing.version += 1
         thing.changed()
 
@@ -326,6 +331,11 @@ class ObjectMap:
             state=thing.state,
             version=thing.version,
         )
+
+
+def _unit(vector: FloatArray) -> FloatArray:
+    norm = float(np.linalg.norm(vector))
+    return vector / norm if norm > 0 else vector.copy()
 
 
 def _keep_newest(kept: list[FloatArray], new: FloatArray) -> None:

@@ -21,7 +21,7 @@ def check_store(make_store: Callable[[], MapStore]) -> None:
     Raises:
         AssertionError: says what the store did and what was wanted.
     """
-    for check in (_keeps_keyframes, _follows_landmarks, _finds_near, _keeps_history, _refuses, _keeps_meta):
+    for check in (_keeps_keyframes, _follows_landmarks, _finds_near, _keeps_history, _refuses, _keeps_meta, _never_reuses_ids):
         store = make_store()
         _require(isinstance(store, MapStore), f"{type(store).__name__} lacks methods of MapStore")
         _require(len(store.keyframe_ids()) == 0 and store.landmarks() == (), "a new store is not empty")
@@ -185,6 +185,13 @@ def _keeps_meta(store: MapStore) -> None:
     store.set_meta("gravity", "poses")
     kept = store.meta()
     _require(kept == {"gravity": "poses", "embedder": "hashed"}, f"meta is {kept}")
+
+
+def _never_reuses_ids(store: MapStore) -> None:
+    _require(store.next_id() == 0, f"next_id of a new store is {store.next_id()}, wanted 0")
+    store.commit(make_record(0, landmarks=(make_landmark(2), make_landmark(6))))
+    store.commit(make_record(1, removed_ids=(6,)))
+    _require(store.next_id() == 7, f"next_id is {store.next_id()} after landmark 6 was kept and removed, wanted 7")
 
 
 def _require(holds: bool, message: str) -> None:

@@ -1,0 +1,79 @@
+"""What of a keyframe goes into the store."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from seo_slam.composition import Parts
+from seo_slam.geometry import FloatArray
+from seo_slam.mapping.object_map import ObjectMap
+from seo_slam.records import KeyframeRecord, MapEvent
+from seo_slam.types import Estimate, IntArray, Motion, Observations
+
+KEPT_WITHIN_M = 0.01
+"""The store keeps every landmark within this of where the map has it."""
+
+
+class Keeper:
+    """Commits keyframes, each with the landmarks that are new, changed or elsewhere than the store has them."""
+
+    def __init__(self, parts: Parts, objects: ObjectMap) -> None:
+        """Take the store and smoother among ``parts``, and what else is known of the landmarks."""
+        self._parts = parts
+        self._objects = objects
+        self._kept_at: dict[int, FloatArray] = {}
+
+    def keep(
+        self,
+        keyframe_id: int,
+        timestamp_s: float,
+        estimate: Estimate,
+        motion: Motion | None,
+        observations: Observations,
+        landmark_ids: IntArray,
+        events: Sequence[MapEvent],
+    ) -> None:
+        """Commit a keyframe.
+
+        Args:
+            keyframe_id: above all before it.
+            timestamp_s: its stamp.
+            estimate: of its camera.
+            motion: from the keyframe before; None for the first.
+            observations: K rows, the measurements used.
+            landmark_ids: (K,) the landmark of each.
+            events: what happened to the map.
+
+        Raises:
+            MapError: the store could not; what it lacks then goes with the next keyframe.
+        """
+        touched = {int(i) for i in landmark_ids} | {event.landmark_id for event in events}
+        touched |= {event.other_id for event in events if event.other_id is not None}
+        ids, p_world = self._parts.smoother.positions()
+        present = set(ids.tolist())
+        gone = (touched | self._kept_at.keys()) - present
+        rows = np.array([n for n, i in enumerate(ids) if int(i) in touched or self._is_elsewhere(int(i), p_world[n])], dtype=np.int64)
+        changed = self._objects.rows_with(ids[rows], p_world[rows], self._parts.smoother.covariances(ids[rows]))
+        self._parts.store.commit(
+            KeyframeRecord(
+                keyframe_id=keyframe_id,
+                timestamp_s=timestamp_s,
+                T_world_camera=estimate.T_world_camera,
+                covariance=estimate.covariance,
+                T_previous_current=motion.T_previous_current if motion else np.eye(4),
+                motion_covariance=motion.covariance if motion else np.zeros((6, 6)),
+                observations=observations,
+                landmark_ids=landmark_ids,
+                landmarks=tuple(changed),
+                removed_ids=tuple(sorted(gone)),
+                events=tuple(events),
+            )
+        )
+        self._kept_at.update({row.id: row.position_m for row in changed})
+        for landmark_id in gone:
+            self._kept_at.pop(landmark_id, None)
+
+    def _is_elsewhere(self, landmark_id: int, p_world: FloatArray) -> bool:
+        """Whether the store has it elsewhere, or not at all: optimisation moves what is not in view, too."""
+        kept_at = self._kept_at.get(landmark_id)
+        return kept_at is None or bool(np.abs(p_world - kept_at).max() > KEPT_WITHIN_M)
