@@ -17,9 +17,9 @@ from seo_slam.errors import ConfigError
 
 
 class Settings(BaseModel):
-    """Base of all settings: unknown keys are refused, values are fixed once read."""
+    """Base of all settings: unknown keys, NaN and infinity are refused, values are fixed once read."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
 class Component(Settings):

@@ -11,7 +11,7 @@ from importlib.metadata import entry_points
 from typing import Any
 
 from seo_slam.config import Component
-from seo_slam.errors import ConfigError, MissingBackendError, UnknownBackendError
+from seo_slam.errors import ConfigError, MissingBackendError, SeoSlamError, UnknownBackendError
 
 KINDS = ("detector", "odometry", "associator", "agent", "store", "smoother", "assignment_solver", "embedder", "chat_model")
 
@@ -80,7 +80,7 @@ def find(kind: str, name: str) -> Any:
         for point in entry_points(group=group(kind)):
             if point.name == name:
                 target = point.value
-    if target is None and all(name.partition(":")):
+    if target is None and all(name.partition(":")) and not name.startswith("."):
         target = name
     if target is None:
         near = difflib.get_close_matches(name, names, n=1)
@@ -117,7 +117,7 @@ def create(kind: str, component: Component | str | type, **context: Any) -> Any:
 
     Raises:
         UnknownBackendError, MissingBackendError: as ``find``.
-        ConfigError: an option that the constructor does not take, or one it needs is missing.
+        ConfigError: an option that the constructor does not take, one it needs is missing, or one is of a wrong type or value.
     """
     if isinstance(component, type):
         wanted, factory = Component(name=component.__name__), component
@@ -143,3 +143,9 @@ def create(kind: str, component: Component | str | type, **context: Any) -> Any:
         return factory(**arguments)
     except ModuleNotFoundError as error:
         raise missing(f"{kind} {wanted.name!r}", error) from error
+    except SeoSlamError:
+        raise
+    except (TypeError, ValueError) as error:
+        if not wanted.options:
+            raise
+        raise ConfigError(f"{kind} {wanted.name!r} cannot be made with the options {wanted.options!r:.200}: {error}") from error

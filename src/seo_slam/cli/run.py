@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -58,22 +59,16 @@ def run(
     for warning in recording.warnings:
         typer.echo(f"warning: {warning}", err=True)
     chosen = _with_detector(chosen, detector, weights, score, detections)
-    chosen = _with_odometry(chosen, odometry, initial_pose, recording)
-    in_use = chosen.odometry
-    if in_use.name == "recorded" and "trajectory" not in in_use.options:
-        in_use = Component(name="recorded", options={**in_use.options, "trajectory": recording.trajectory})
+    chosen = _with_odometry(chosen, odometry, initial_pose, recording, replay=trajectory is not None)
     # All that can be wrong with the caller's input has to show before the first byte is written.
-    in_memory = Pipeline(chosen, odometry=in_use, store="memory")
-    if hasattr(in_memory.parts.detector, "check_against"):
-        in_memory.parts.detector.check_against(recording.camera)
-    if continue_map is not None and in_use.name == "visual" and "initial_pose" not in in_use.options:
+    parts = _rehearsed(chosen, recording, replay=trajectory is not None)
+    if continue_map is not None and chosen.odometry.name == "visual" and "initial_pose" not in chosen.odometry.options:
         raise ConfigError("--continue with --odometry visual needs --initial-pose: where the first camera is in the map's frame")
     old = Map.load(continue_map) if continue_map is not None else None
     if record_detections is not None:
         _require_writable(record_detections, out)
     folder = prepare_folder(out, overwrite)
-    parts: dict[str, Any] = {name: getattr(in_memory.parts, name) for name in ("detector", "odometry", "embedder")}
-    pipeline = Pipeline(chosen, store=Component(name="sqlite", options={"path": folder / "map.db"}), map=old, **parts)
+    pipeline = Pipeline(chosen, store=_store(chosen, folder), map=old, **parts)
     finished = run_recording(
         with_progress(recording, len(recording), "mapping"),
         pipeline,
@@ -91,6 +86,31 @@ def _settings(preset: str, file: Path | None, assignments: list[str]) -> Config:
     return Config.preset(preset).updated(read_settings(file), str(file)).with_settings(assignments)
 
 
+def _rehearsed(config: Config, recording: "Recording", replay: bool) -> dict[str, Any]:
+    """Make a pipeline that writes nowhere of note; return the parts that are dear to make, to be used again."""
+    from seo_slam.pipeline import Pipeline
+
+    if config.detector.name == "none":
+        typer.echo("warning: no detector, so the map will hold no things; give --detector", err=True)
+    odometry = config.odometry
+    if odometry.name == "recorded" and (replay or "trajectory" not in odometry.options):
+        odometry = Component(name="recorded", options={**odometry.options, "trajectory": recording.trajectory})
+    with TemporaryDirectory() as folder, Pipeline(config, odometry=odometry, store=_store(config, Path(folder))) as pipeline:
+        if hasattr(pipeline.parts.detector, "check_against"):
+            pipeline.parts.detector.check_against(recording.camera)
+        return {name: getattr(pipeline.parts, name) for name in ("detector", "odometry", "embedder")}
+
+
+def _store(config: Config, folder: Path) -> Component:
+    """The result's map.db, with the options of the configuration."""
+    if config.store.name not in ("memory", "sqlite") or "path" in config.store.options:
+        raise ConfigError(
+            f"store: got {config.store.name!r} with options {config.store.options}; seo-slam run keeps its map in map.db of --out "
+            "(store.name=sqlite), Pipeline(store=…) any other way"
+        )
+    return Component(name="sqlite", options={**config.store.options, "path": folder / "map.db"})
+
+
 def _with_detector(config: Config, name: str | None, weights: Path | None, score: float | None, detections: Path | None) -> Config:
     chosen = Component(name=name) if name is not None and name != config.detector.name else config.detector
     extra: dict[str, Any] = {}
@@ -106,14 +126,18 @@ def _with_detector(config: Config, name: str | None, weights: Path | None, score
         raise ConfigError("--detector recorded needs --detections FILE (JSON lines, as --record-detections writes them)")
     if score is not None:
         extra["score"] = score
-    return config.updated({"detector": {"name": chosen.name, "options": {**chosen.options, **extra}}}, "--detector")
+    return config.model_copy(update={"detector": Component(name=chosen.name, options={**chosen.options, **extra})})
 
 
-def _with_odometry(config: Config, name: str | None, initial_pose: str | None, recording: "Recording") -> Config:
+def _with_odometry(config: Config, name: str | None, initial_pose: str | None, recording: "Recording", replay: bool) -> Config:
     from seo_slam.datasets.initial_pose import read_initial_pose
 
     if name is None:
-        name = config.odometry.name if config.odometry.options or recording.trajectory is not None else "visual"
+        name = config.odometry.name
+        if name == "recorded" and not config.odometry.options and recording.trajectory is None:
+            name = "visual"
+    if replay and name != "recorded":
+        raise ConfigError(f"--trajectory goes with --odometry recorded, got --odometry {name}")
     options = dict(config.odometry.options) if name == config.odometry.name else {}
     if name == "recorded" and "trajectory" not in options and recording.trajectory is None:
         raise ConfigError(f"--odometry recorded: {recording.path} has no odometry.txt or groundtruth.txt; give --trajectory FILE")
