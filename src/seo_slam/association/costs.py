@@ -56,40 +56,54 @@ def mahalanobis(
     if len(observations) == 0 or len(predicted) == 0:
         empty = np.zeros((len(observations), len(predicted)))
         return empty, empty.copy()
-    p_camera, gamma = completed(
+    p_camera, gamma = completed_pairs(observations, landmarks)
+    C = predicted_cov[None] + gamma
+    innovation = p_camera - predicted[None]
+    solved = np.linalg.solve(C, innovation[..., None])[..., 0]
+    squared = np.einsum("kni,kni->kn", innovation, solved)
+    return np.asarray(squared, dtype=np.float64), log_normaliser(C)
+
+
+def log_normaliser(C: FloatArray) -> FloatArray:
+    """Return ``log |2 pi C|`` (...) of covariances (..., 3, 3)."""
+    return np.asarray(np.linalg.slogdet(2.0 * np.pi * C)[1], dtype=np.float64)
+
+
+def within_reach(
+    observations: Observations, landmarks: Landmarks, estimate: Estimate, search_distance_m: float, threshold: float
+) -> BoolArray:
+    """Return (K, N) bool: pairs that could pass the gate; only landmarks in one of them need the dear joint covariance.
+
+    A landmark must lie within the search distance of the camera (III-B), and nearer to the observation than the gate's radius under
+    the uncertainties of observation, pose and landmark, each taken in its worst direction and added up.
+    """
+    if len(observations) == 0 or len(landmarks) == 0:
+        return np.zeros((len(observations), len(landmarks)), dtype=np.bool_)
+    R = estimate.T_world_camera[:3, :3]
+    p_camera = (landmarks.p_world - estimate.T_world_camera[:3, 3]) @ R
+    range_m = np.linalg.norm(p_camera, axis=1)
+    pose = estimate.covariance
+    pose_sigma = _worst_sigma(pose[3:, 3:]) + range_m * _worst_sigma(pose[:3, :3])
+    own_sigma = _worst_sigma(observations.cov_camera)
+    distance = np.linalg.norm(observations.p_camera[:, None] - p_camera[None], axis=2)
+    sigma = own_sigma[:, None] + (pose_sigma + _worst_sigma(landmarks.cov_world))[None]
+    cut = np.any(observations.truncated, axis=1, keepdims=True)
+    unseen_m = np.where(cut, 0.5 * np.linalg.norm(landmarks.across_m, axis=1)[None], 0.0)  # how far completing a cut box may shift it
+    reach = np.sqrt(threshold) * (sigma + (SLOPE_SIGMA + SIZE_SIGMA_SHARE) * unseen_m) + unseen_m
+    return np.asarray((range_m < search_distance_m) & (distance < reach), dtype=np.bool_)
+
+
+def completed_pairs(observations: Observations, landmarks: Landmarks) -> tuple[FloatArray, FloatArray]:
+    """Return (K, N, 3) centres and (K, N, 3, 3) covariances Gamma, cut boxes completed by the size of each landmark in turn."""
+    return completed(
         observations.p_camera[:, None],
         observations.cov_camera[:, None],
         observations.size_m[:, None],
         observations.truncated[:, None],
         landmarks.across_m[None],
     )
-    C = predicted_cov[None] + gamma
-    innovation = p_camera - predicted[None]
-    solved = np.linalg.solve(C, innovation[..., None])[..., 0]
-    squared = np.einsum("kni,kni->kn", innovation, solved)
-    log_det = np.linalg.slogdet(2.0 * np.pi * C)[1]
-    return np.asarray(squared, dtype=np.float64), np.asarray(log_det, dtype=np.float64)
 
 
-def within_reach(
-    observations: Observations, landmarks: Landmarks, estimate: Estimate, search_distance_m: float, threshold: float
-) -> BoolArray:
-    """Return (N,) bool: landmarks that could pass the gate of some observation, so that only they need the joint covariance.
-
-    A landmark must lie within the search distance of the camera (III-B), and nearer to an observation than the gate's radius under
-    the uncertainties of observation, pose and landmark, each taken in its worst direction and added up.
-    """
-    R = estimate.T_world_camera[:3, :3]
-    p_camera = (landmarks.p_world - estimate.T_world_camera[:3, 3]) @ R
-    range_m = np.linalg.norm(p_camera, axis=1)
-    if len(observations) == 0 or len(landmarks) == 0:
-        return np.zeros(len(landmarks), dtype=np.bool_)
-    pose = estimate.covariance
-    pose_sigma = np.sqrt(np.trace(pose[3:, 3:])) + range_m * np.sqrt(np.trace(pose[:3, :3]))
-    own_sigma = np.sqrt(np.trace(observations.cov_camera, axis1=1, axis2=2))
-    distance = np.linalg.norm(observations.p_camera[:, None] - p_camera[None], axis=2)
-    unseen_m = 0.5 * np.linalg.norm(landmarks.across_m, axis=1)  # how far completing a cut box may shift it, at what uncertainty
-    unseen_sigma = (SLOPE_SIGMA + SIZE_SIGMA_SHARE) * unseen_m
-    landmark_sigma = np.sqrt(np.trace(landmarks.cov_world, axis1=1, axis2=2))
-    reach = np.sqrt(threshold) * (own_sigma[:, None] + (pose_sigma + landmark_sigma + unseen_sigma)[None]) + unseen_m[None]
-    return np.asarray((range_m < search_distance_m) & (distance < reach).any(axis=0), dtype=np.bool_)
+def _worst_sigma(covariance: FloatArray) -> FloatArray:
+    """Standard deviation in the worst direction of covariances (..., 3, 3)."""
+    return np.asarray(np.sqrt(np.linalg.eigvalsh(covariance)[..., -1]), dtype=np.float64)

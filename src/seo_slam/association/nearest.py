@@ -19,8 +19,8 @@ class NearestAssociator(Associator):
 
     def associate(self, observations: Observations, landmarks: Landmarks, estimate: Estimate) -> Association:
         """See ``interfaces.Associator``."""
-        near = within_reach(observations, landmarks, estimate, self._settings.search_distance_m, self._threshold)
-        candidates = landmarks[near]
+        pairs = within_reach(observations, landmarks, estimate, self._settings.search_distance_m, self._threshold)
+        candidates = landmarks[np.any(pairs, axis=0)]
         squared, _ = mahalanobis(observations, candidates, *predicted_measurements(estimate, candidates))
         ids = np.full(len(observations), NEW, dtype=np.int64)
         costs = np.full(len(observations), np.nan)
