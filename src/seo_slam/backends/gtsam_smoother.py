@@ -26,7 +26,7 @@ class _LandmarkFactors:
     """What is needed to take a landmark out, or to give its measurements to another."""
 
     indices: list[int] = field(default_factory=list)
-    measurements: list[tuple[int, FloatArray, FloatArray]] = field(default_factory=list)  # keyframe, p_camera, cov_camera
+    measurements: list[tuple[int, FloatArray, FloatArray, bool]] = field(default_factory=list)  # keyframe, p_camera, cov_camera, robust
     priors: list[tuple[FloatArray, FloatArray]] = field(default_factory=list)  # p_world, cov_world: what a continued map knew
 
 
@@ -111,8 +111,8 @@ class GtsamSmoother:
         dropped = self._take_out(drop_id)
         for prior in dropped.priors:
             self._add_prior(keep_id, *prior)
-        for keyframe, p_camera, cov_camera in dropped.measurements:
-            self._measure(keep_id, keyframe, p_camera, cov_camera, robust=True)
+        for measurement in dropped.measurements:
+            self._measure(keep_id, *measurement)
         self._flush(dropped.indices)
 
     def positions(self) -> tuple[IntArray, FloatArray]:
@@ -181,7 +181,7 @@ class GtsamSmoother:
             self._landmarks[landmark_id] = _LandmarkFactors()
             T = self._T_last
             self._new_values.insert(L(landmark_id), T[:3, :3] @ p_camera + T[:3, 3])
-        self._landmarks[landmark_id].measurements.append((keyframe, p_camera, cov_camera))
+        self._landmarks[landmark_id].measurements.append((keyframe, p_camera, cov_camera, robust))
         distance = float(np.linalg.norm(p_camera))
         direction = gtsam.Unit3(p_camera)
         J = np.vstack([direction.basis().T / distance, p_camera[None] / distance])
