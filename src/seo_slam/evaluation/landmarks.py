@@ -104,8 +104,7 @@ def evaluate_landmarks(
         distance_m.shape
     )
     allowed, pairs = _matches(distance_m, agree, truth, radius_m)
-    matched_objects = {column: row for row, column in pairs}
-    matched_rows = {row for row, _ in pairs}
+    matched_rows, matched_objects = {row for row, _ in pairs}, {column for _, column in pairs}
     former = [place for place in truth.places if not _still_there(place, truth.objects, radius_m)]
     extra = tuple(
         _extra(landmark, words[row], truth, former, distance_m[row], allowed[row], rule, radius_m)
@@ -123,14 +122,7 @@ def evaluate_landmarks(
             for radius in sorted({*SWEPT_RADII_M, radius_m})
         ),
         matched=tuple(
-            MatchedLandmark(
-                stable[row].id,
-                stable[row].label,
-                truth.objects[column].id,
-                truth.objects[column].labels[0],
-                float(distance_m[row, column]),
-            )
-            for row, column in sorted(pairs, key=lambda pair: pair[1])
+            _matched(stable[row], truth.objects[column], distance_m[row, column]) for row, column in sorted(pairs, key=lambda p: p[1])
         ),
         missing=tuple(
             _missing(item, stable, distance_m[:, column]) for column, item in enumerate(truth.objects) if column not in matched_objects
@@ -243,6 +235,10 @@ def _extra(
         nearest_object_id=truth.objects[nearest].id,
         nearest_m=float(distance_m[nearest]),
     )
+
+
+def _matched(landmark: Landmark, item: TruthObject, distance_m: float) -> MatchedLandmark:
+    return MatchedLandmark(landmark.id, landmark.label, item.id, item.labels[0], float(distance_m))
 
 
 def _missing(item: TruthObject, stable: Sequence[Landmark], distance_m: FloatArray) -> MissingObject:
