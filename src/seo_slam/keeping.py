@@ -13,6 +13,9 @@ from seo_slam.types import Estimate, IntArray, Motion, Observations
 KEPT_WITHIN_M = 0.01
 """The store keeps every landmark within this of where the map has it."""
 
+COVARIANCE_EVERY = 10
+"""A landmark's covariance in the store is at most this many keyframes old; it is dear, and observations only shrink it."""
+
 
 class Keeper:
     """Commits keyframes, each with the landmarks that are new, changed or elsewhere than the store has them."""
@@ -22,6 +25,7 @@ class Keeper:
         self._parts = parts
         self._objects = objects
         self._kept_at: dict[int, FloatArray] = {}
+        self._covariance_of: dict[int, int] = {}  # the keyframe at which each landmark's covariance was asked for
 
     def keep(
         self,
@@ -53,7 +57,7 @@ class Keeper:
         present = set(ids.tolist())
         gone = (touched | self._kept_at.keys()) - present
         rows = np.array([n for n, i in enumerate(ids) if int(i) in touched or self._is_elsewhere(int(i), p_world[n])], dtype=np.int64)
-        changed = self._objects.rows_with(ids[rows], p_world[rows], self._parts.smoother.covariances(ids[rows]))
+        changed = self._objects.rows_with(ids[rows], p_world[rows], self._covariances(ids[rows], keyframe_id))
         self._parts.store.commit(
             KeyframeRecord(
                 keyframe_id=keyframe_id,
@@ -72,6 +76,17 @@ class Keeper:
         self._kept_at.update({row.id: row.position_m for row in changed})
         for landmark_id in gone:
             self._kept_at.pop(landmark_id, None)
+
+    def _covariances(self, ids: IntArray, keyframe_id: int) -> FloatArray:
+        """(N, 3, 3) of landmarks: all anew once one is too old, else only those never asked for."""
+        last = [self._covariance_of.get(int(i)) for i in ids]
+        too_old = any(known is not None and keyframe_id - known >= COVARIANCE_EVERY for known in last)
+        due = np.array([too_old or known is None for known in last], dtype=np.bool_)
+        out = np.array([self._objects[int(i)].cov_world for i in ids], dtype=np.float64).reshape(len(ids), 3, 3)
+        if due.any():
+            out[due] = self._parts.smoother.covariances(ids[due])
+            self._covariance_of.update({int(i): keyframe_id for i in ids[due]})
+        return out
 
     def _is_elsewhere(self, landmark_id: int, p_world: FloatArray) -> bool:
         """Whether the store has it elsewhere, or not at all: optimisation moves what is not in view, too."""
