@@ -540,6 +540,11 @@ def test_an_object_that_is_no_such_part_is_an_error_that_names_what_it_lacks(par
         Pipeline({"embedder": {"name": "hashed"}}, **{"odometry": recorded(8), **parts})
 
 
+def test_a_map_to_continue_must_be_a_map():
+    with pytest.raises(ConfigError, match=r"map: got 'old_run', wanted a Map, as Map.load\(folder\) gives"):
+        pipeline(map="old_run")
+
+
 def test_a_class_is_made_with_what_its_constructor_takes():
     made = Pipeline({"association": {"gate_probability": 0.9}}, associator=NearestAssociator, detector=NoDetector, odometry=recorded(8))
     assert isinstance(made.parts.detector, NoDetector)

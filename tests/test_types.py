@@ -30,6 +30,10 @@ def with_value(value):
     ("changes", "words"),
     [
         ({"timestamp_s": float("nan")}, "timestamp_s is not finite"),
+        ({"timestamp_s": "1.0"}, "timestamp_s is not finite seconds"),
+        ({"rgb": None}, "are NoneType, ndarray, Camera; wanted an array"),
+        ({"depth_m": DEPTH.tolist()}, "are ndarray, list, Camera; wanted an array"),
+        ({"camera": None}, "a Camera"),
         ({"rgb": RGB.astype(np.float32)}, "rgb is float32"),
         ({"rgb": RGB[..., 0]}, "wanted uint8"),
         ({"rgb": RGB[:100]}, "rgb is 320x100, the camera 320x240"),

@@ -11,7 +11,7 @@ import numpy as np
 from seo_slam.association.label_likelihood import LabelLikelihood
 from seo_slam.composition import Parts, compose
 from seo_slam.config import Config
-from seo_slam.errors import AgentError, EditRefused, FrameError
+from seo_slam.errors import AgentError, ConfigError, EditRefused, FrameError
 from seo_slam.geometry import FloatArray
 from seo_slam.interfaces import AgentView
 from seo_slam.keeping import Keeper
@@ -102,7 +102,7 @@ class Pipeline:
         map: an older map to continue; the first camera must be placed in its frame (recorded poses, or an initial pose).
 
     Raises:
-        ConfigError, UnknownBackendError, MissingBackendError: a part cannot be made.
+        ConfigError, UnknownBackendError, MissingBackendError: a part cannot be made, or ``map`` is none.
     """
 
     def __init__(
@@ -119,6 +119,8 @@ class Pipeline:
         map: Map | None = None,
     ) -> None:
         self.config = config if isinstance(config, Config) else Config.from_dict(config or {})
+        if not isinstance(map, Map | None):
+            raise ConfigError(f"map: got {map!r:.60}, wanted a Map, as Map.load(folder) gives")
         given = {
             "detector": detector,
             "odometry": odometry,

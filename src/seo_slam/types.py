@@ -50,8 +50,12 @@ class Frame:
 
     def __post_init__(self) -> None:
         where = f"frame {self.index} (t={self.timestamp_s})"
-        if not np.isfinite(self.timestamp_s):
-            raise FrameError(f"{where}: timestamp_s is not finite")
+        if not isinstance(self.timestamp_s, float | int | np.number) or not np.isfinite(self.timestamp_s):
+            raise FrameError(f"{where}: timestamp_s is not finite seconds")
+        arrays = isinstance(self.rgb, np.ndarray) and isinstance(self.depth_m, np.ndarray | None)
+        if not arrays or not isinstance(self.camera, Camera):  # None is what cv2.imread makes of a file that is not there
+            kinds = [type(value).__name__ for value in (self.rgb, self.depth_m, self.camera)]
+            raise FrameError(f"{where}: rgb, depth_m and camera are {', '.join(kinds)}; wanted an array, an array or None, a Camera")
         if self.rgb.dtype != np.uint8 or self.rgb.ndim != 3 or self.rgb.shape[2] != 3:
             raise FrameError(f"{where}: rgb is {self.rgb.dtype} {self.rgb.shape}, wanted uint8 (H, W, 3)")
         size = (self.camera.height, self.camera.width)
