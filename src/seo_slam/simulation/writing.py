@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 
 from seo_slam.camera import Camera
+from seo_slam.datasets.camera_files import CAMERA_FILE, write_camera_file
 from seo_slam.datasets.trajectory_files import write_trajectory
 from seo_slam.errors import DatasetError
 from seo_slam.records import Trajectory
@@ -73,7 +74,7 @@ def write_recording(recording: Recording, folder: Path, frames: Iterable[Frame] 
     _write_lines(folder / "detections.jsonl", lines)
     write_trajectory(folder / "groundtruth.txt", recording.trajectory)
     write_trajectory(folder / "odometry.txt", recording.odometry)
-    _write_json(folder / "camera.json", _camera(recording.camera))
+    write_camera_file(folder / CAMERA_FILE, recording.camera, DEPTH_UNITS_PER_M)
     _write_json(folder / "truth.json", recording.truth)
     knobs = {
         "seed": recording.seed,
@@ -106,19 +107,6 @@ def _write_lines(path: Path, lines: Iterable[str]) -> None:
 
 def _write_json(path: Path, content: Any) -> None:
     _write_lines(path, [json.dumps(content, indent=1)])
-
-
-def _camera(camera: Camera) -> dict[str, Any]:
-    return {
-        "fx": camera.fx,
-        "fy": camera.fy,
-        "cx": camera.cx,
-        "cy": camera.cy,
-        "width": camera.width,
-        "height": camera.height,
-        "depth_scale": DEPTH_UNITS_PER_M,
-        "distortion": list(camera.distortion),
-    }
 
 
 def _detections_line(timestamp_s: float, detections: Detections) -> str:
