@@ -282,7 +282,7 @@ def test_a_camera_file_wins_over_the_folder_and_that_over_known_ones(tmp_path):
         (json.dumps({**CAMERA, "fx": -1}), "fx: .*greater than 0"),
         (json.dumps({**CAMERA, "distortion": [1, 2]}), "distortion: .*2 terms"),
         (json.dumps({**CAMERA, "cy": "middle"}), "cy: "),
-        (json.dumps({**CAMERA, "cy": float("nan")}), "NaN"),
+        (json.dumps({**CAMERA, "cy": float("nan")}), "cy: .*finite number"),
     ],
 )
 def test_a_bad_camera_file_is_refused(tmp_path, text, message):
