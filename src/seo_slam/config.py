@@ -43,7 +43,7 @@ class LiftingSettings(Settings):
     min_score: float = Field(0.0, ge=0, le=1, description="detections below it are ignored")
     max_depth_m: float = Field(6.0, gt=0, description="farther depth is ignored")
     min_points: int = Field(20, ge=3, description="object pixels with depth that a measurement needs")
-    max_points: int = Field(700, ge=50, description="pixels looked at a box; a larger box is sampled on a grid")
+    max_points: int = Field(400, ge=50, description="pixels looked at a box; a larger box is sampled on a grid")
     depth_noise_at_1m_m: float = Field(0.0019, gt=0, description="axial depth noise is this times depth squared (Kinect v1)")
     box_noise_share: float = Field(0.05, ge=0, description="standard deviation of a box's edge, as a share of its side")
     min_sigma_m: float = Field(0.01, gt=0, description="floor of a measurement's standard deviation: calibration, pose, shape")

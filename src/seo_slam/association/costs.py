@@ -56,17 +56,18 @@ def mahalanobis(
     if len(observations) == 0 or len(predicted) == 0:
         empty = np.zeros((len(observations), len(predicted)))
         return empty, empty.copy()
-    p_camera, gamma = completed_pairs(observations, landmarks)
+    p_camera, gamma = completed(
+        observations.p_camera[:, None],
+        observations.cov_camera[:, None],
+        observations.size_m[:, None],
+        observations.truncated[:, None],
+        landmarks.across_m[None],
+    )
     C = predicted_cov[None] + gamma
     innovation = p_camera - predicted[None]
     solved = np.linalg.solve(C, innovation[..., None])[..., 0]
     squared = np.einsum("kni,kni->kn", innovation, solved)
-    return np.asarray(squared, dtype=np.float64), log_normaliser(C)
-
-
-def log_normaliser(C: FloatArray) -> FloatArray:
-    """Return ``log |2 pi C|`` (...) of covariances (..., 3, 3)."""
-    return np.asarray(np.linalg.slogdet(2.0 * np.pi * C)[1], dtype=np.float64)
+    return np.asarray(squared, dtype=np.float64), np.asarray(np.linalg.slogdet(2.0 * np.pi * C)[1], dtype=np.float64)
 
 
 def within_reach(
@@ -91,17 +92,6 @@ def within_reach(
     unseen_m = np.where(cut, 0.5 * np.linalg.norm(landmarks.across_m, axis=1)[None], 0.0)  # how far completing a cut box may shift it
     reach = np.sqrt(threshold) * (sigma + (SLOPE_SIGMA + SIZE_SIGMA_SHARE) * unseen_m) + unseen_m
     return np.asarray((range_m < search_distance_m) & (distance < reach), dtype=np.bool_)
-
-
-def completed_pairs(observations: Observations, landmarks: Landmarks) -> tuple[FloatArray, FloatArray]:
-    """Return (K, N, 3) centres and (K, N, 3, 3) covariances Gamma, cut boxes completed by the size of each landmark in turn."""
-    return completed(
-        observations.p_camera[:, None],
-        observations.cov_camera[:, None],
-        observations.size_m[:, None],
-        observations.truncated[:, None],
-        landmarks.across_m[None],
-    )
 
 
 def _worst_sigma(covariance: FloatArray) -> FloatArray:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import chi2
 
-from seo_slam.association.costs import completed_pairs, log_normaliser, mahalanobis, predicted_measurements, within_reach
+from seo_slam.association.costs import mahalanobis, predicted_measurements, within_reach
 from seo_slam.association.label_likelihood import LabelLikelihood
 from seo_slam.config import AssociationSettings
 from seo_slam.geometry import FloatArray
@@ -56,8 +56,6 @@ class TwoStageAssociator(Associator):
     def associate(self, observations: Observations, landmarks: Landmarks, estimate: Estimate) -> Association:
         """See ``interfaces.Associator``."""
         pairs = within_reach(observations, landmarks, estimate, self._settings.search_distance_m, self._threshold)
-        if self._settings.semantic_gate == "likelihood":
-            pairs &= self._likely_at_best(observations, landmarks, pairs)
         candidates = landmarks[np.any(pairs, axis=0)]
         gate = self.gate(observations, candidates, estimate)
         columns = self._assign(gate)
@@ -91,15 +89,6 @@ class TwoStageAssociator(Associator):
         for k, n in zip(*np.nonzero(pairs), strict=True):
             out[k, n] = self._likelihood.log_ratio(observations.labels[k], landmarks.labels[n])
         return out
-
-    def _likely_at_best(self, observations: Observations, landmarks: Landmarks, pairs: BoolArray) -> BoolArray:
-        """(K, N) bool: pairs that would pass the semantic gate if they lay on each other and the landmark were certain.
-
-        ``C`` is never less than Gamma, so none that would pass the true gate is lost: only the joint covariance of the hopeless is saved.
-        """
-        _, gamma = completed_pairs(observations, landmarks)
-        best = self._semantic(observations, landmarks, pairs) - 0.5 * log_normaliser(gamma) - np.log(CLUTTER_PER_M3)
-        return np.asarray(pairs & (best > 0.0), dtype=np.bool_)
 
     def _assign(self, gate: Gate) -> IntArray:
         """Solve the K x (N+K) problem: landmark columns, then one private dummy column an observation."""

@@ -10,12 +10,19 @@ import gtsam
 import numpy as np
 from gtsam.symbol_shorthand import L, X
 
+from seo_slam.backends.joint_covariance import JointCovariance
 from seo_slam.config import SmootherSettings
 from seo_slam.errors import FrameError, OptimizationError, UnknownLandmarkError
-from seo_slam.geometry import FloatArray, adjoint, diagonal_blocks, inverse, require_transform
-from seo_slam.types import Estimate, IntArray, Landmarks, Motion, Observations
+from seo_slam.geometry import FloatArray, adjoint, diagonal_blocks, inverse, require_transform, transform_points
+from seo_slam.types import BoolArray, Estimate, IntArray, Landmarks, Motion, Observations
 
 _JOINT_AT_ONCE = 40
+
+_CARRIED_LANDMARKS = 100
+"""Up to so many landmarks the joint covariance is carried along; its cost grows with their number squared."""
+
+_CARRIED_KEYFRAMES = 10
+"""After so many it is recovered anew, since relinearisation and robust weights have moved on."""
 
 _LEAST_VARIANCE = 1e-14
 """Below it (0.1 um, 0.1 urad) GTSAM's factorisation fails, and the graph is lost."""
@@ -46,8 +53,9 @@ class GtsamSmoother:
         self._new_values = gtsam.Values()
         self._new_owners: list[int | None] = []  # landmark of each factor in _new_graph
         self._T_last = np.eye(4)
-        self._positions: tuple[IntArray, FloatArray] | None = None  # these two are kept until the graph changes
-        self._pose_covariance: FloatArray | None = None
+        self._positions: tuple[IntArray, FloatArray] | None = None  # kept until the graph changes
+        self._carried: JointCovariance | None = None
+        self._carried_keyframes = 0
 
     def start(self, T_world_camera: FloatArray, covariance: FloatArray, landmarks: Landmarks | None = None) -> Estimate:
         """See ``interfaces.Smoother``."""
@@ -94,10 +102,37 @@ class GtsamSmoother:
             self._new_values.insert(X(current), gtsam.Pose3(T))
             self._keyframes += 1
             self._T_last = T
+        new = np.array([int(i) not in self._landmarks for i in landmark_ids], dtype=np.bool_)
         for row, landmark_id in enumerate(landmark_ids):
             self._measure(int(landmark_id), self._keyframes - 1, observations.p_camera[row], observations.cov_camera[row], robust)
+        carried, self._carried = self._carried, None  # lost, should the graph not be solved
         self._flush([])
+        if carried is not None and motion is not None and self._carried_keyframes < _CARRIED_KEYFRAMES:
+            self._carry(carried, motion, observations, landmark_ids, new, robust)
         return self._estimate()
+
+    def _carry(
+        self,
+        carried: JointCovariance,
+        motion: Motion,
+        observations: Observations,
+        landmark_ids: IntArray,
+        new: BoolArray,
+        robust: bool,
+    ) -> None:
+        """Bring the joint covariance to the keyframe that the graph has just taken in."""
+        carried.predict(motion.T_previous_current, motion.covariance)
+        ids, p_world = self.positions()
+        p_camera = transform_points(inverse(self._T_last), p_world[np.searchsorted(ids, landmark_ids)])
+        cov_camera = observations.cov_camera
+        if robust:
+            residual = observations.p_camera - p_camera
+            squared = np.einsum("ki,ki->k", residual, np.linalg.solve(cov_camera, residual[..., None])[..., 0])
+            cov_camera = cov_camera * (1.0 + squared / self._settings.cauchy_k**2)[:, None, None]
+        carried.measure(landmark_ids[~new], p_camera[~new], cov_camera[~new], self._T_last[:3, :3])
+        for row in np.flatnonzero(new):
+            carried.add(int(landmark_ids[row]), p_camera[row], cov_camera[row], self._T_last)
+        self._carried, self._carried_keyframes = carried, self._carried_keyframes + 1
 
     def remove(self, landmark_id: int) -> None:
         """See ``interfaces.Smoother``."""
@@ -129,7 +164,7 @@ class GtsamSmoother:
         out = np.zeros((len(landmark_ids), 3, 3))
         for start in range(0, len(landmark_ids), _JOINT_AT_ONCE):  # jointly is several times faster than one by one
             part = landmark_ids[start : start + _JOINT_AT_ONCE]
-            out[start : start + len(part)] = diagonal_blocks(self._joint(part)[6:, 6:])
+            out[start : start + len(part)] = diagonal_blocks(self._recover(part)[6:, 6:])
         return out
 
     def poses(self) -> FloatArray:
@@ -144,15 +179,21 @@ class GtsamSmoother:
         )
 
     def _joint(self, landmark_ids: IntArray) -> FloatArray:
+        """The joint covariance of the newest pose and landmarks: carried along while there are few, else recovered."""
         for landmark_id in landmark_ids:
             self._known(int(landmark_id))
-        keys = [X(self._keyframes - 1), *(L(int(i)) for i in landmark_ids)]
-        if len(keys) == 1 and self._pose_covariance is not None:
-            return self._pose_covariance.copy()
+        if len(self._landmarks) > _CARRIED_LANDMARKS:
+            return self._recover(landmark_ids)
+        if self._carried is None:
+            everything = np.array(sorted(self._landmarks), dtype=np.int64)
+            self._carried, self._carried_keyframes = JointCovariance(everything, self._recover(everything)), 0
+        return self._carried.of(landmark_ids)
+
+    def _recover(self, landmark_ids: IntArray) -> FloatArray:
+        """Recover the same from ISAM2's tree."""
+        keys = [X(self._keyframes - 1), *(L(i) for i in landmark_ids.tolist() if self._known(i))]
         # In query order since GTSAM 4.3; a test holds it to that.
-        joint = np.array(self._isam.jointMarginalCovariance(keys).fullMatrix(), dtype=np.float64)
-        self._pose_covariance = joint[:6, :6].copy()
-        return joint
+        return np.array(self._isam.jointMarginalCovariance(keys).fullMatrix(), dtype=np.float64)
 
     def _known(self, landmark_id: int) -> _LandmarkFactors:
         if landmark_id not in self._landmarks:
@@ -193,7 +234,7 @@ class GtsamSmoother:
 
     def _flush(self, remove_indices: list[int]) -> None:
         """Give ISAM2 the pending factors and values, and take factors out."""
-        self._positions = self._pose_covariance = None
+        self._positions = self._carried = None
         try:
             result = self._isam.update(self._new_graph, self._new_values, remove_indices)
         except RuntimeError as error:
