@@ -138,6 +138,8 @@ def test_an_error_of_the_source_comes_through_and_the_store_keeps_what_was_done(
     with pytest.raises(DatasetError, match="frame 5"):
         run(tmp_path / "out", broken())
     assert {row.label for row in Map.load(tmp_path / "out").landmarks} == {"cup", "book"}
+    assert json.loads((tmp_path / "out" / "run.json").read_text())["complete"] is False
+    assert (tmp_path / "out" / "report.html").is_file()
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 

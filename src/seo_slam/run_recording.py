@@ -11,6 +11,7 @@ from types import FrameType
 from typing import Any
 
 from seo_slam.backends.recorded_detector import DetectionRecorder
+from seo_slam.errors import DatasetError
 from seo_slam.pipeline import Pipeline, RunResult
 from seo_slam.records import StepResult
 from seo_slam.report.crops import ReportRecorder
@@ -44,7 +45,9 @@ def run_recording(
     record_detections: str | Path | None = None,
     on_step: Callable[[StepResult], None] | None = None,
 ) -> FinishedRun:
-    """Run a pipeline over frames and write the result folder; Ctrl-C ends it early with a valid result.
+    """Run a pipeline over frames and write the result folder; Ctrl-C, or an image that cannot be read, ends it early.
+
+    The folder is valid then for what was seen until that frame.
 
     Args:
         frames: the recording.
@@ -54,9 +57,13 @@ def run_recording(
         config: settings to note in run.json; the pipeline's by default.
         record_detections: a JSON lines file to write all detections to.
         on_step: called after each frame, once its keyframe is committed.
+
+    Raises:
+        DatasetError: a frame could not be read; what was seen before it has been written.
     """
     seen = ReportRecorder()
     complete = True
+    unreadable: DatasetError | None = None
     detections = DetectionRecorder(record_detections) if record_detections is not None else None
     with _interrupts_held() as interrupted, pipeline:
         try:
@@ -74,6 +81,8 @@ def run_recording(
                     break
         except KeyboardInterrupt:
             complete = False
+        except DatasetError as error:
+            complete, unreadable = False, error
         finally:
             if detections is not None:
                 detections.close()
@@ -82,6 +91,8 @@ def run_recording(
         run = describe_run(result, dataset=dataset, config=settings, complete=complete)
         write_result(folder, result, run)
         write_report(folder / "report.html", map=result.map, trajectory=result.trajectory, recorder=seen, run=run)
+    if unreadable is not None:
+        raise unreadable
     return FinishedRun(result, run, complete)
 
 

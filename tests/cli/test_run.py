@@ -314,6 +314,10 @@ BAD_COMMANDS = {
     "initial pose that is none": (["--odometry", "visual", "--initial-pose", "1 2 3"], ["got 3 numbers"]),
     "detections into no folder": (["--record-detections", "{folder}/no/F.jsonl"], ["--record-detections", "No such file"]),
     "detections into a folder": (["--record-detections", "{folder}/rgb"], ["--record-detections", "directory"]),
+    "detections into a file that holds some": (
+        ["--record-detections", "{folder}/detections.jsonl"],
+        ["--record-detections", "already holds"],
+    ),
 }
 
 

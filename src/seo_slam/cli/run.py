@@ -66,7 +66,9 @@ def run(
         raise ConfigError("--continue with --odometry visual needs --initial-pose: where the first camera is in the map's frame")
     old = Map.load(continue_map) if continue_map is not None else None
     if record_detections is not None:
-        _require_writable(record_detections, out)
+        _require_recordable(record_detections, detections, out, overwrite)
+    if old is not None and old.gravity == "unknown" and chosen.odometry.name == "recorded":
+        typer.echo("warning: the map to continue has a world of its own (gravity unknown); recorded poses are of another", err=True)
     folder = prepare_folder(out, overwrite)
     pipeline = Pipeline(chosen, store=_store(chosen, folder), map=old, **parts)
     finished = run_recording(
@@ -146,6 +148,15 @@ def _with_odometry(config: Config, name: str | None, initial_pose: str | None, r
             raise ConfigError("--initial-pose goes with --odometry visual: recorded poses already say where the first camera is")
         options["initial_pose"] = read_initial_pose(initial_pose).tolist()
     return config.model_copy(update={"odometry": Component(name=name, options=options)})
+
+
+def _require_recordable(file: Path, replayed: Path | None, out: Path, overwrite: bool) -> None:
+    """Raise ``ConfigError`` unless detections can be written there, and nothing is lost by it."""
+    if replayed is not None and file.resolve() == replayed.resolve():
+        raise ConfigError(f"--record-detections {file}: is the file that --detections reads; give another")
+    if file.is_file() and file.stat().st_size and not overwrite:
+        raise ConfigError(f"--record-detections {file}: already holds something; give --overwrite to replace it, or another file")
+    _require_writable(file, out)
 
 
 def _require_writable(file: Path, out: Path) -> None:

@@ -82,13 +82,17 @@ class RunFacts:
         return sum(self.warnings.values())
 
 
+WARM_UP = "warm up"
+"""The stage that loads models: it runs once, and would dwarf what runs on every keyframe."""
+
+
 def read_run(run: Mapping[str, Any], recorder: ReportRecorder | None) -> RunFacts:
     """Sort ``run`` out; events come from the recorder (which knows their times), else from ``run["events"]``."""
     event_counts, events = _events(run.get("events"), recorder)
     return RunFacts(
         dataset=clean_text(run.get("dataset") or "", MESSAGE_LIMIT),
         counts={clean_text(key): n for key, value in _mapping(run, "counts").items() if (n := _number(value)) is not None},
-        stages=tuple(_stage(name, times) for name, times in _mapping(run, "seconds_per_stage").items()),
+        stages=tuple(_stage(name, times) for name, times in _mapping(run, "seconds_per_stage").items() if name != WARM_UP),
         warnings=_warnings(run.get("warnings")),
         event_counts=event_counts,
         events=events,
