@@ -315,7 +315,7 @@ BAD_COMMANDS = {
     "detections into no folder": (["--record-detections", "{folder}/no/F.jsonl"], ["--record-detections", "No such file"]),
     "detections into a folder": (["--record-detections", "{folder}/rgb"], ["--record-detections", "directory"]),
     "detections into a file that holds some": (
-        ["--record-detections", "{folder}/detections.jsonl"],
+        ["--record-detections", "{folder}/rgb.txt"],
         ["--record-detections", "already holds"],
     ),
 }
