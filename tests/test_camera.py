@@ -1,3 +1,4 @@
+import cv2
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -36,7 +37,6 @@ def test_back_project_undoes_project(camera, u, v, depth):
 
 
 def test_distortion_is_that_of_opencv():
-    cv2 = pytest.importorskip("cv2")
     camera = FREIBURG["fr1"]
     points = np.random.default_rng(0).uniform([-0.5, -0.4, 1], [0.5, 0.4, 3], (200, 3))
     expected, _ = cv2.projectPoints(points, np.zeros(3), np.zeros(3), camera.matrix, np.array(camera.distortion))

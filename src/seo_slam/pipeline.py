@@ -16,6 +16,7 @@ from seo_slam.geometry import FloatArray
 from seo_slam.interfaces import AgentView
 from seo_slam.keeping import Keeper
 from seo_slam.map import Map
+from seo_slam.map_document import Gravity
 from seo_slam.mapping.duplicates import duplicate_pairs, projected_box
 from seo_slam.mapping.edits import apply_edit, merge_landmarks
 from seo_slam.mapping.keyframes import is_keyframe
@@ -144,7 +145,7 @@ class Pipeline:
         kept = self.parts.store.keyframe_ids()
         self._first_keyframe_id = int(kept[-1]) + 1 if len(kept) else 0
         self._path: list[tuple[float, int, FloatArray]] = []  # stamp, keyframe, T_keyframe_frame
-        self._gravity = "unknown"
+        self._gravity: Gravity = "unknown"
 
     @classmethod
     def from_preset(cls, name: str, **parts: Any) -> Self:
@@ -264,7 +265,7 @@ class Pipeline:
         if not self._path and self._old_map is not None:
             return self._old_map
         rows = self._objects.rows(self.parts.smoother) if self._path else []
-        return Map(rows, self._gravity, self.parts.embedder.name, self._objects.next_id)  # type: ignore[arg-type]  # one of two words
+        return Map(rows, self._gravity, self.parts.embedder.name, self._objects.next_id)
 
     def _start(self, motion: Motion) -> None:
         """Place the first camera, and the landmarks of a map that is continued."""
