@@ -46,14 +46,16 @@ ORDER = (
 # Packages from outside, and the units that may use them. Backends may use any.
 EVERYWHERE = {"numpy", "pydantic", "pydantic_core"}
 ALLOWED = {
-    "scipy": {"perception", "association", "mapping", "evaluation"},
+    "scipy": {"perception", "association", "mapping", "evaluation", "simulation"},
+    "trimesh": {"simulation"},
+    "embreex": {"simulation"},
     "cv2": {"perception", "datasets", "simulation", "report"},
     "yaml": {"config"},
     "typer": {"cli"},
     "click": {"cli"},
     "rich": {"cli"},
 }
-HEAVY = ("scipy", "gtsam", "cv2", "httpx", "torch", "sentence_transformers", "onnxruntime", "typer", "rich")
+HEAVY = ("scipy", "gtsam", "cv2", "httpx", "torch", "sentence_transformers", "onnxruntime", "trimesh", "embreex", "typer", "rich")
 
 
 def unit_of(path):

@@ -11,8 +11,8 @@ from seo_slam.geometry import exp, inverse, transform_points
 from seo_slam.simulation import textures
 from seo_slam.simulation.desk import build_desk
 from seo_slam.simulation.primitives import Box, Ellipsoid, Frustum, RoomBox, Shape, Torus, cylinder
-from seo_slam.simulation.recording import desk_camera
 from seo_slam.simulation.renderer import render
+from seo_slam.simulation.simulated_recording import simulated_camera
 from seo_slam.simulation.trajectory import look_at, swaying_arc
 from seo_slam.simulation.world import Light, Part, Thing, World
 
@@ -164,7 +164,7 @@ def test_smooth_edges_change_colour_only() -> None:
 
 @pytest.mark.parametrize("seed", range(3))
 def test_points_of_things_project_onto_their_own_pixels(seed: int) -> None:
-    world, camera = build_desk(seed), desk_camera()
+    world, camera = build_desk(seed), simulated_camera()
     T_world_camera = swaying_arc(world.gaze_world, 5, seed).T_world_camera[2]
     view = render(world, camera, T_world_camera)
     v, u = np.nonzero(view.instance_ids)

@@ -12,13 +12,14 @@ from seo_slam.simulation import textures
 from seo_slam.simulation.detector import DetectorKnobs, PhantomSpot, SimulatedDetector, View, octant
 from seo_slam.simulation.labels import LOOK_ALIKES
 from seo_slam.simulation.primitives import Box
-from seo_slam.simulation.recording import SimulatedDesk, desk_camera
+from seo_slam.simulation.recording import SimulatedDesk
 from seo_slam.simulation.renderer import render
+from seo_slam.simulation.simulated_recording import simulated_camera
 from seo_slam.simulation.trajectory import look_at
 from seo_slam.simulation.world import Light, Part, Thing, World
 
 FRAMES = 1500
-CAMERA = desk_camera(160, 120)
+CAMERA = simulated_camera(160, 120)
 SHARE = 640 * 480 / (160 * 120)
 
 

@@ -6,6 +6,7 @@ first and for the normals of the few points that are seen afterwards.
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -17,6 +18,9 @@ NEAREST_M = 1e-6  # hits closer than this are the surface that the ray starts fr
 
 class Shape(ABC):
     """A solid. Subclass it for shapes of your own."""
+
+    is_mesh: ClassVar[bool] = False
+    """Whether only the Embree renderer can draw it."""
 
     @abstractmethod
     def intersect(self, p_shape: FloatArray, directions: FloatArray) -> FloatArray:

@@ -6,6 +6,7 @@ World frame: z up, metres. A world never changes; a scene change makes another o
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Literal
 
 import numpy as np
 
@@ -13,6 +14,9 @@ from seo_slam.errors import ConfigError
 from seo_slam.geometry import FloatArray, require_transform
 from seo_slam.simulation.primitives import Shape
 from seo_slam.simulation.textures import Texture
+
+ThingKind = Literal["volatile", "anchor", "fixed"]
+"""volatile: people carry it about; anchor: furniture on which things stand; fixed: part of the building."""
 
 STRUCTURE_ID = 0
 """In an instance image: no thing, but floor, wall, furniture, or nothing at all."""
@@ -55,6 +59,8 @@ class Thing:
     parts: tuple[Part, ...]
     T_world_thing: FloatArray
     accepted_labels: tuple[str, ...] = ()
+    kind: ThingKind = "volatile"
+    model: str = ""
 
     def __post_init__(self) -> None:
         if not self.parts:

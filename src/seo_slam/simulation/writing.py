@@ -4,48 +4,20 @@ import dataclasses
 import json
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import cv2
 import numpy as np
 
-from seo_slam.camera import Camera
 from seo_slam.datasets.camera_files import CAMERA_FILE, write_camera_file
 from seo_slam.datasets.trajectory_files import write_trajectory
 from seo_slam.errors import DatasetError
-from seo_slam.records import Trajectory
-from seo_slam.simulation.detector import DetectorKnobs, SimulatedDetector
-from seo_slam.simulation.sensors import DEPTH_UNITS_PER_M, SensorKnobs
+from seo_slam.simulation.sensors import DEPTH_UNITS_PER_M
+from seo_slam.simulation.simulated_recording import SimulatedRecording
 from seo_slam.types import Detections, Frame
 
 
-class Recording(Protocol):
-    """What can be written: frames with the truth about them."""
-
-    seed: int
-    level: float
-    camera: Camera
-    trajectory: Trajectory
-    odometry: Trajectory
-    sensor_knobs: SensorKnobs
-    detector_knobs: DetectorKnobs
-
-    @property
-    def detector(self) -> SimulatedDetector:
-        """Knows every frame that was yielded."""
-        ...
-
-    @property
-    def truth(self) -> dict[str, Any]:
-        """In the form of ``truth.json``."""
-        ...
-
-    def __iter__(self) -> Any:
-        """Yield ``Frame``s."""
-        ...
-
-
-def write_recording(recording: Recording, folder: Path, frames: Iterable[Frame] | None = None) -> Path:
+def write_recording(recording: SimulatedRecording, folder: Path, frames: Iterable[Frame] | None = None) -> Path:
     """Write ``rgb/ depth/ rgb.txt depth.txt groundtruth.txt odometry.txt camera.json detections.jsonl truth.json simulation.json``.
 
     Args:
