@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from seo_slam.errors import DatasetError
-from seo_slam.evaluation.truth import read_synonyms, read_truth
+from seo_slam.evaluation.truth import read_synonyms, read_truth, truth_from
 
 GOOD = {"id": "c", "label": "cup", "center": [0, 0, 1]}
 
@@ -91,3 +91,14 @@ def test_synonyms(tmp_path):
     for bad, message in (({"tv": "monitor"}, "list of lists of words"), ([["tv", "monitor"], ["cup"]], r"group 1 is \[\"cup\"\]")):
         with pytest.raises(DatasetError, match=message):
             read_synonyms(write(tmp_path, bad))
+
+
+def test_a_truth_in_memory_is_the_same_as_its_file(tmp_path):
+    content = {"objects": [GOOD], "timeline": [{"timestamp_s": 1.0, "event": "removed", "id": "v", "center": [1, 0, 0], "label": "vase"}]}
+    here, filed = truth_from(content), read_truth(write(tmp_path, content))
+    assert [(item.id, item.labels) for item in here.objects] == [(item.id, item.labels) for item in filed.objects] == [("c", ("cup",))]
+    assert [place.labels for place in here.places] == [("vase",)]
+    with pytest.raises(DatasetError, match=r"^my room: objects\[0\] \('c'\) center: "):
+        truth_from({"objects": [{**GOOD, "center": [0, 0]}]}, "my room")
+    with pytest.raises(DatasetError, match=r"^truth: .*got a list"):
+        truth_from([])

@@ -110,20 +110,32 @@ def read_truth(path: str | Path) -> Truth:
         DatasetError: the file is missing or not JSON (with its line), or an object is wrong (with its number, id and key).
     """
     file = Path(path)
-    raw = _read_json(file)
-    if not isinstance(raw, dict) or "objects" not in raw:
-        raise DatasetError(f"{file}: wanted a JSON object with the key 'objects', got {_kind(raw)}")
+    return truth_from(_read_json(file), str(file))
+
+
+def truth_from(content: Any, where: str = "truth") -> Truth:
+    """Take the true objects of a scene from the content of a ``truth.json``, such as ``SimulatedRecording.truth``.
+
+    Args:
+        content: a mapping with "objects" and perhaps "timeline".
+        where: what messages call it.
+
+    Raises:
+        DatasetError: an object is wrong (with its number, id and key), or there is none.
+    """
+    if not isinstance(content, dict) or "objects" not in content:
+        raise DatasetError(f"{where}: wanted a JSON object with the key 'objects', got {_kind(content)}")
     try:
-        content = TruthFile.model_validate(raw)
+        checked = TruthFile.model_validate(content)
     except ValidationError as error:
-        raise DatasetError(f"{file}: " + "; ".join(_explain(item, raw) for item in error.errors())) from None
-    ids = [entry.id for entry in content.objects]
+        raise DatasetError(f"{where}: " + "; ".join(_explain(item, content) for item in error.errors())) from None
+    ids = [entry.id for entry in checked.objects]
     doubled = sorted({name for name in ids if ids.count(name) > 1})
     if doubled:
-        raise DatasetError(f"{file}: two objects have the id {doubled[0]!r}; wanted each id once")
+        raise DatasetError(f"{where}: two objects have the id {doubled[0]!r}; wanted each id once")
     if not ids:
-        raise DatasetError(f"{file}: 'objects' is empty; wanted at least one object present at the end")
-    return content.to_truth()
+        raise DatasetError(f"{where}: 'objects' is empty; wanted at least one object present at the end")
+    return checked.to_truth()
 
 
 def read_synonyms(path: str | Path) -> list[list[str]]:
