@@ -98,7 +98,7 @@ def test_a_truth_in_memory_is_the_same_as_its_file(tmp_path):
     here, filed = truth_from(content), read_truth(write(tmp_path, content))
     assert [(item.id, item.labels) for item in here.objects] == [(item.id, item.labels) for item in filed.objects] == [("c", ("cup",))]
     assert [place.labels for place in here.places] == [("vase",)]
-    with pytest.raises(DatasetError, match=r"^my room: objects\[0\] \('c'\) center: "):
+    with pytest.raises(DatasetError, match=r"^my room: objects\[0\] \('c'\) center"):
         truth_from({"objects": [{**GOOD, "center": [0, 0]}]}, "my room")
     with pytest.raises(DatasetError, match=r"^truth: .*got a list"):
         truth_from([])
