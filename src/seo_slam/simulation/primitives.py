@@ -12,6 +12,7 @@ import numpy as np
 
 from seo_slam.errors import ConfigError
 from seo_slam.geometry import FloatArray
+from seo_slam.simulation.tessellation import Triangles, cuboid, revolved, turns_for
 
 NEAREST_M = 1e-6  # hits closer than this are the surface that the ray starts from
 
@@ -41,6 +42,14 @@ class Shape(ABC):
     @abstractmethod
     def support(self, direction: FloatArray) -> float:
         """Return the largest ``p @ direction`` over the points p of the shape: how far it reaches that way."""
+
+    def triangles(self) -> Triangles:
+        """Return vertices (V, 3), shape frame, and faces (F, 3): the surface for renderers that know triangles only.
+
+        Raises:
+            ConfigError: this shape has none.
+        """
+        raise ConfigError(f"{type(self).__name__}: got no triangles; override triangles() to draw it with Embree")
 
     def bounds(self) -> tuple[FloatArray, FloatArray]:
         """Return the low and the high corner (3,) of its box, shape frame."""
@@ -98,6 +107,9 @@ class Box(Shape):
     def normals(self, p_shape: FloatArray) -> FloatArray:  # noqa: D102
         return _face_normals(p_shape, self._half)
 
+    def triangles(self) -> Triangles:  # noqa: D102
+        return cuboid(self.size_m)
+
     def support(self, direction: FloatArray) -> float:  # noqa: D102
         return float(np.abs(direction) @ self._half)
 
@@ -121,6 +133,11 @@ class RoomBox(Shape):
 
     def normals(self, p_shape: FloatArray) -> FloatArray:  # noqa: D102
         return -_face_normals(p_shape, self._half)
+
+    def triangles(self) -> Triangles:
+        """See ``Shape``; faces turn inward."""
+        vertices, faces = cuboid(self.size_m)
+        return vertices, faces[:, ::-1]
 
     def support(self, direction: FloatArray) -> float:  # noqa: D102
         return float(np.abs(direction) @ self._half)
@@ -149,6 +166,13 @@ class Ellipsoid(Shape):
 
     def normals(self, p_shape: FloatArray) -> FloatArray:  # noqa: D102
         return _unit(p_shape / np.square(self.radii_m))
+
+    def triangles(self) -> Triangles:  # noqa: D102
+        turns = turns_for(max(self.radii_m))
+        low = 0.0 if self.flat_bottom else -np.pi / 2
+        angle = np.linspace(low, np.pi / 2, turns // (4 if self.flat_bottom else 2) + 1)
+        vertices, faces = revolved(np.cos(angle), np.sin(angle), turns)
+        return vertices * np.array(self.radii_m), faces
 
     def support(self, direction: FloatArray) -> float:  # noqa: D102
         reach = np.array(self.radii_m) * direction
@@ -211,6 +235,12 @@ class Frustum(Shape):
         on_cap = np.abs(np.abs(z) - self.height_m / 2.0) < wall
         return np.where(on_cap[:, None], cap, _unit(side))
 
+    def triangles(self) -> Triangles:  # noqa: D102
+        low, high, half = self.bottom_radius_m, self.top_radius_m, self.height_m / 2.0
+        profile = [(0.0, -half)] * self.bottom + [(low, -half), (high, half)] + [(0.0, half)] * self.top
+        radius, z = np.array(profile).T
+        return revolved(radius, z, turns_for(max(low, high)))
+
     def support(self, direction: FloatArray) -> float:  # noqa: D102
         across, up = float(np.hypot(direction[0], direction[1])), float(direction[2]) * self.height_m / 2.0
         return max(self.bottom_radius_m * across - up, self.top_radius_m * across + up)
@@ -255,6 +285,11 @@ class Torus(Shape):
         across = np.maximum(np.hypot(p_shape[:, 0], p_shape[:, 1]), 1e-12)
         middle = p_shape * np.array([1.0, 1.0, 0.0]) * (self.ring_radius_m / across)[:, None]
         return _unit(p_shape - middle)
+
+    def triangles(self) -> Triangles:  # noqa: D102
+        angle = np.linspace(0.0, 2.0 * np.pi, turns_for(self.tube_radius_m) + 1)
+        radius = self.ring_radius_m + self.tube_radius_m * np.cos(angle)
+        return revolved(radius, self.tube_radius_m * np.sin(angle), turns_for(self.ring_radius_m + self.tube_radius_m))
 
     def support(self, direction: FloatArray) -> float:  # noqa: D102
         across = float(np.hypot(direction[0], direction[1]))
