@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from seo_slam.errors import EvaluationError, FrameError
+from seo_slam.evaluation.ceilings import geometry_ceiling, oracle_ceiling, share_of_way
 from seo_slam.evaluation.labels import LabelRule
 from seo_slam.evaluation.landmarks import FormerPlace, Truth, TruthObject, assign, evaluate_landmarks, moved
 from seo_slam.geometry import exp
@@ -174,11 +175,140 @@ def test_ghosts_of_removed_and_moved_objects():
     assert (result.ghosts, result.duplicates, result.score.false_positives) == (3, 1, 6)
 
 
+def test_of_two_places_that_fit_the_nearer_decides_between_ghost_and_duplicate():
+    # Like things stand close together: one of two cups, 16 cm apart, was taken away.
+    places = (FormerPlace("gone", "removed", ("cup",), np.array([0.16, 0, 0])),)
+    found = [landmark(1, "cup", (0, 0, 0)), landmark(2, "cup", (0.15, 0, 0)), landmark(3, "cup", (0.02, 0, 0))]
+    result = evaluate_landmarks(found, Truth((CUP,), places))
+    assert {item.landmark_id: (item.kind, item.of) for item in result.extra} == {2: ("ghost", "gone"), 3: ("duplicate", "c")}
+
+
+def test_a_ghost_of_a_large_thing_is_one_within_half_its_extent():
+    places = (FormerPlace("t", "removed", ("table",), np.array([3.0, 0, 0]), 0.4),)
+    assert evaluate_landmarks([landmark(1, "table", (3.35, 0, 0))], Truth((CUP,), places)).ghosts == 1
+    assert evaluate_landmarks([landmark(1, "table", (3.45, 0, 0))], Truth((CUP,), places)).ghosts == 0
+
+
+def test_a_moved_thing_with_landmarks_at_both_places_has_one_match_and_one_ghost():
+    places = (FormerPlace("b", "moved", ("book",), np.array([5.0, 0, 0])), FormerPlace("b", "moved", ("book",), np.array([1.0, 0, 0])))
+    result = evaluate_landmarks([landmark(1, "book", (5, 0, 0)), landmark(2, "book", (1, 0, 0))], Truth((CUP, BOOK), places))
+    assert [(pair.landmark_id, pair.object_id) for pair in result.matched] == [(2, "b")]
+    assert (result.ghosts, result.duplicates, result.false) == (1, 0, 0)
+
+
 def test_objects_in_view_are_counted_apart_when_the_truth_says_so():
     truth = Truth((thing("c", "cup", (0, 0, 0), seen=5), thing("b", "book", (1, 0, 0), seen=4)))
     score = evaluate_landmarks([landmark(1, "cup", (0, 0, 0)), landmark(2, "book", (1, 0, 0))], truth).score
     assert (score.objects, score.matched, score.visible_objects, score.visible_matched) == (2, 2, 1, 1)
     assert evaluate_landmarks([], Truth((CUP,))).score.visible_objects is None
+    assert evaluate_landmarks([], Truth((CUP,))).score.visible is None
+
+
+def test_a_landmark_on_a_seldom_seen_object_is_neither_right_nor_wrong_but_a_second_one_is_false():
+    truth = Truth((thing("c", "cup", (0, 0, 0), seen=5), thing("b", "book", (1, 0, 0), seen=4), thing("t", "tv", (2, 0, 0), seen=9)))
+    found = [landmark(1, "cup", (0, 0, 0)), landmark(2, "book", (1, 0, 0)), landmark(3, "book", (1.1, 0, 0)), landmark(4, "cup", (9, 0, 0))]
+    score = evaluate_landmarks(found, truth).score
+    assert (score.landmarks, score.objects, score.matched) == (4, 3, 2)
+    assert (score.visible.landmarks, score.visible.objects, score.visible.matched) == (3, 2, 1)
+    assert (score.visible.precision, score.visible.recall, score.visible.f1) == (pytest.approx(1 / 3), 0.5, pytest.approx(0.4))
+    assert score.visible.false_positives == score.false_positives == 2
+    alone = evaluate_landmarks([landmark(2, "book", (1, 0, 0))], Truth((thing("b", "book", (1, 0, 0), seen=0),))).score
+    assert (alone.f1, alone.visible.landmarks, alone.visible.objects, alone.visible.f1) == (1.0, 0, 0, 0.0)
+
+
+def test_a_count_of_the_callers_own_is_reported_beside_the_others():
+    result = evaluate_landmarks([landmark(1, "cup", (0, 0, 0))], Truth((CUP, BOOK)), truth_count=4)
+    assert (result.score.recall, result.score.given.recall, result.score.given.precision) == (0.5, 0.25, 1.0)
+    assert [row.given.objects for row in result.sweep] == [4, 4, 4, 4]
+    assert evaluate_landmarks([], Truth((CUP,))).score.given is None
+    for bad, matched in ((0, 0), (1, 2)):
+        rows = [landmark(1, "cup", (0, 0, 0)), landmark(2, "book", (1, 0, 0))][:matched]
+        with pytest.raises(EvaluationError, match=f"truth_count: got {bad}, .* the {matched} objects matched"):
+            evaluate_landmarks(rows, Truth((CUP, BOOK)), truth_count=bad)
+
+
+def rows_of(result):
+    return {row.label: (row.objects, row.matched, row.missing, row.duplicates, row.ghosts, row.false) for row in result.per_class}
+
+
+def test_each_class_has_a_row_and_labels_of_no_class_have_one_of_their_own():
+    truth = Truth(
+        (CUP, thing("c2", "cup", (0, 1, 0)), BOOK, TruthObject("d", ("display", "screen"), np.array([[0, 5, 0.0]]))),
+        (FormerPlace("v", "removed", ("vase",), np.array([3.0, 0, 0])), FormerPlace("u", "removed", (), np.array([4.0, 0, 0]))),
+    )
+    found = [
+        landmark(1, "cup", (0, 0, 0)),
+        landmark(2, "cup", (0.1, 0, 0)),
+        landmark(3, "cup", (7, 0, 0)),
+        landmark(4, "vase", (3, 0, 0)),
+        landmark(5, "screen", (8, 0, 0)),
+        landmark(6, "dragon", (9, 0, 0)),
+        landmark(7, "", (9, 1, 0)),
+        landmark(8, "book", (4, 0, 0)),
+    ]
+    result = evaluate_landmarks(found, truth)
+    assert rows_of(result) == {
+        "book": (1, 0, 1, 0, 1, 0),
+        "cup": (2, 1, 1, 1, 0, 1),
+        "display": (1, 0, 1, 0, 0, 1),
+        "vase": (0, 0, 0, 0, 1, 0),
+        None: (0, 0, 0, 0, 0, 2),
+    }
+    assert [row.label for row in result.per_class][-1] is None
+    assert [row.landmarks for row in result.per_class] == [1, 3, 1, 1, 2]
+    # Where labels are ignored, a false landmark still counts under the class of its own word.
+    assert rows_of(evaluate_landmarks(found, truth, LabelRule.geometry()))["cup"] == (2, 1, 1, 1, 0, 1)
+
+
+def test_a_mislabelled_landmark_is_false_and_its_object_missing():
+    result = evaluate_landmarks([landmark(1, "book", (0, 0, 0))], Truth((CUP, BOOK)))
+    assert rows_of(result) == {"book": (1, 0, 1, 0, 0, 1), "cup": (1, 0, 1, 0, 0, 0)}
+    assert result.extra[0].nearest_object_id == "c"
+    assert oracle_ceiling([landmark(1, "book", (0, 0, 0))], Truth((CUP, BOOK))).score.f1 == pytest.approx(2 / 3)
+
+
+def made_up_case(seed):
+    """A crowded table, with seldom seen and removed things, and a map of it that is partly wrong."""
+    rng = np.random.default_rng(seed)
+    words = ["cup", "book", "bottle"]
+    objects = tuple(thing(str(i), words[i % 3], rng.uniform(0, 0.8, 3), seen=int(rng.integers(0, 10))) for i in range(6))
+    places = tuple(FormerPlace(f"gone {i}", "removed", (words[i],), rng.uniform(0, 0.8, 3)) for i in range(3))
+    found = [
+        landmark(i, str(rng.choice([*words, "dragon"])), rng.uniform(0, 0.8, 3), rng.choice(["stable", "tentative"], p=[0.9, 0.1]))
+        for i in range(9)
+    ]
+    return found, Truth(objects, places), rng
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 10**6))
+def test_the_order_of_landmarks_changes_nothing(seed):
+    found, truth, rng = made_up_case(seed)
+    shuffled = [found[i] for i in rng.permutation(len(found))]
+    assert evaluate_landmarks(shuffled, truth).as_dict() == evaluate_landmarks(found, truth).as_dict()
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 10**6))
+def test_ceilings_are_above_the_score_and_every_landmark_is_one_thing(seed):
+    found, truth, _ = made_up_case(seed)
+    exact, geometry, oracle = evaluate_landmarks(found, truth), geometry_ceiling(found, truth), oracle_ceiling(found, truth)
+    assert oracle.score.f1 >= geometry.score.f1 >= exact.score.f1
+    assert oracle.score.recall == geometry.score.recall
+    assert oracle.score.precision == (1.0 if oracle.matched else 0.0)
+    assert (oracle.score.false_positives, oracle.extra) == (0, ())
+    for result in (exact, geometry, oracle):
+        assert result.duplicates + result.ghosts + result.false == result.score.false_positives == len(result.extra)
+        assert sum(row.objects for row in result.per_class) == result.score.objects
+        assert sum(row.landmarks for row in result.per_class) == result.score.landmarks
+        assert sum(row.matched for row in result.per_class) == result.score.matched
+        assert all(0 <= row.visible.false_positives <= row.false_positives for row in result.sweep)
+
+
+def test_the_share_of_the_way_to_the_oracle():
+    assert share_of_way(0.6, 0.7, 0.8) == pytest.approx(0.5)
+    assert share_of_way(0.6, 0.5, 0.8) == pytest.approx(-0.5)
+    assert share_of_way(0.8, 0.8, 0.8) is None
 
 
 def test_an_empty_map():

@@ -102,3 +102,14 @@ def test_a_truth_in_memory_is_the_same_as_its_file(tmp_path):
         truth_from({"objects": [{**GOOD, "center": [0, 0]}]}, "my room")
     with pytest.raises(DatasetError, match=r"^truth: .*got a list"):
         truth_from([])
+
+
+def test_boxes_of_objects_and_of_what_is_gone():
+    item = {**GOOD, "aabb_min": [-0.2, -0.3, 0], "aabb_max": [0.2, 0.3, 2]}
+    gone = {"timestamp_s": 1.0, "event": "removed", "id": "v", "center": [3, 0, 0], "aabb_min": [2.8, -0.5, 0], "aabb_max": [3.2, 0.5, 1]}
+    left = {"timestamp_s": 2.0, "event": "moved", "id": "c", "center": [0, 0, 1], "previous_center": [5, 0, 1]}
+    truth = truth_from({"objects": [item], "timeline": [gone, left]})
+    np.testing.assert_allclose(truth.objects[0].box_m, [[-0.2, -0.3, 0], [0.2, 0.3, 2]])
+    assert [place.half_extent_m for place in truth.places] == pytest.approx([0.2, 0.2, 0.2])
+    np.testing.assert_allclose([place.size_m for place in truth.places], [[0.4, 1, 1], [0.4, 0.6, 2], [0.4, 0.6, 2]])
+    assert truth_from({"objects": [GOOD]}).objects[0].box_m is None

@@ -5,73 +5,31 @@ precision = TP / landmarks, recall = TP / G. The paper does not give its matchin
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from seo_slam.errors import EvaluationError
+from seo_slam.evaluation.false_positives import FalsePositives
 from seo_slam.evaluation.labels import LabelRule
+from seo_slam.evaluation.per_class import class_table
 from seo_slam.evaluation.scores import (
+    ENOUGH_KEYFRAMES,
     LANDMARKS_PROTOCOL,
-    ExtraLandmark,
     LandmarksResult,
     MatchedLandmark,
     MissingObject,
     RadiusScore,
 )
+from seo_slam.evaluation.true_objects import FormerPlace, Truth, TruthObject, reach_m
 from seo_slam.geometry import FloatArray, require_transform, transform_points
 from seo_slam.types import BoolArray, Landmark
 
+__all__ = ["FormerPlace", "Truth", "TruthObject", "assign", "distances", "evaluate_landmarks", "moved"]
+
 DEFAULT_RADIUS_M = 0.2
 SWEPT_RADII_M = (0.1, 0.2, 0.3, 0.5)
-_ENOUGH_KEYFRAMES = 5
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class TruthObject:
-    """An object that is there when the recording ends.
-
-    Attributes:
-        id: its name in the truth.
-        labels: all words that count as right.
-        centers_m: (C, 3) its centres in the true world (of the box, of the visible surface); the nearest one counts.
-        half_extent_m: half the smaller horizontal extent; 0 where no box is known.
-        visible_keyframes: in how many keyframes it was in view; None where unknown.
-    """
-
-    id: str
-    labels: tuple[str, ...]
-    centers_m: FloatArray
-    half_extent_m: float = 0.0
-    visible_keyframes: int | None = None
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class FormerPlace:
-    """A place named by the timeline. Where the object is not there (any more) at the end, a landmark there is a ghost.
-
-    Attributes:
-        id: the object's.
-        event: "removed", "moved" or "added".
-        labels: the object's; empty where unknown, and then any label counts.
-        center_m: (3,) in the true world.
-        half_extent_m: as for ``TruthObject``.
-    """
-
-    id: str
-    event: str
-    labels: tuple[str, ...]
-    center_m: FloatArray
-    half_extent_m: float = 0.0
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Truth:
-    """The objects present at the end, and the places that the timeline names."""
-
-    objects: tuple[TruthObject, ...]
-    places: tuple[FormerPlace, ...] = ()
 
 
 def evaluate_landmarks(
@@ -79,6 +37,7 @@ def evaluate_landmarks(
     truth: Truth,
     rule: LabelRule | None = None,
     radius_m: float = DEFAULT_RADIUS_M,
+    truth_count: int | None = None,
 ) -> LandmarksResult:
     """Score a map, protocol ``landmarks/1``.
 
@@ -88,46 +47,48 @@ def evaluate_landmarks(
         truth: what is there at the end.
         rule: when labels agree; ``exact`` by default.
         radius_m: a pair may match up to this distance, or up to half the object's smaller horizontal extent if that is more.
+        truth_count: a G of the caller's own, reported beside the others (``RadiusScore.given``).
 
     Raises:
-        EvaluationError: the truth has no objects, or the radius is not above 0.
+        EvaluationError: the truth has no objects, the radius is not above 0, or ``truth_count`` is below 1 or below what was matched.
     """
     if not truth.objects:
         raise EvaluationError("the truth has no objects; wanted at least one that is present at the end")
     if not (np.isfinite(radius_m) and radius_m > 0):
         raise EvaluationError(f"radius_m: got {radius_m}, wanted a distance above 0, in metres")
     rule = rule or LabelRule.exact()
-    stable = [landmark for landmark in landmarks if landmark.state == "stable"]
+    stable = sorted((landmark for landmark in landmarks if landmark.state == "stable"), key=lambda landmark: landmark.id)
     words = [_words(landmark) for landmark in stable]
     distance_m = distances(np.array([landmark.position_m for landmark in stable]).reshape(-1, 3), truth.objects)
     agree = np.array([[rule.agree(named, item.labels) for item in truth.objects] for named in words], dtype=np.bool_).reshape(
         distance_m.shape
     )
+    scores = {
+        radius: _score(radius, truth, *_matches(distance_m, agree, truth, radius), truth_count) for radius in {*SWEPT_RADII_M, radius_m}
+    }
     allowed, pairs = _matches(distance_m, agree, truth, radius_m)
     matched_rows, matched_objects = {row for row, _ in pairs}, {column for _, column in pairs}
-    former = [place for place in truth.places if not _still_there(place, truth.objects, radius_m)]
+    matched = tuple(
+        _matched(stable[row], truth.objects[column], distance_m[row, column]) for row, column in sorted(pairs, key=lambda p: p[1])
+    )
+    missing = tuple(
+        _missing(item, stable, distance_m[:, column]) for column, item in enumerate(truth.objects) if column not in matched_objects
+    )
+    kinds = FalsePositives(truth, rule, radius_m)
     extra = tuple(
-        _extra(landmark, words[row], truth, former, distance_m[row], allowed[row], rule, radius_m)
-        for row, landmark in enumerate(stable)
-        if row not in matched_rows
+        kinds.sort(landmark, words[row], distance_m[row], allowed[row]) for row, landmark in enumerate(stable) if row not in matched_rows
     )
     return LandmarksResult(
         protocol=LANDMARKS_PROTOCOL,
         radius_m=radius_m,
         label_rule=rule.describe(),
-        score=_score(radius_m, len(stable), truth, pairs),
+        score=scores[radius_m],
         tentative=len(landmarks) - len(stable),
-        sweep=tuple(
-            _score(radius, len(stable), truth, _matches(distance_m, agree, truth, radius)[1])
-            for radius in sorted({*SWEPT_RADII_M, radius_m})
-        ),
-        matched=tuple(
-            _matched(stable[row], truth.objects[column], distance_m[row, column]) for row, column in sorted(pairs, key=lambda p: p[1])
-        ),
-        missing=tuple(
-            _missing(item, stable, distance_m[:, column]) for column, item in enumerate(truth.objects) if column not in matched_objects
-        ),
+        sweep=tuple(scores[radius] for radius in sorted(scores)),
+        matched=matched,
+        missing=missing,
         extra=extra,
+        per_class=class_table(matched, missing, extra),
     )
 
 
@@ -179,61 +140,28 @@ def _words(landmark: Landmark) -> tuple[str, ...]:
 
 
 def _matches(distance_m: FloatArray, agree: BoolArray, truth: Truth, radius_m: float) -> tuple[BoolArray, list[tuple[int, int]]]:
-    reach_m = np.array([max(radius_m, item.half_extent_m) for item in truth.objects])
-    allowed = np.asarray((distance_m <= reach_m) & agree, dtype=np.bool_)
+    reaches_m = np.array([reach_m(item, radius_m) for item in truth.objects])
+    allowed = np.asarray((distance_m <= reaches_m) & agree, dtype=np.bool_)
     return allowed, assign(distance_m, allowed)
 
 
-def _score(radius_m: float, landmarks: int, truth: Truth, pairs: list[tuple[int, int]]) -> RadiusScore:
+def _score(radius_m: float, truth: Truth, allowed: BoolArray, pairs: Sequence[tuple[int, int]], truth_count: int | None) -> RadiusScore:
+    if truth_count is not None and truth_count < max(len(pairs), 1):
+        raise EvaluationError(
+            f"truth_count: got {truth_count}, wanted at least 1, and at least the {len(pairs)} objects matched within {radius_m:g} m"
+        )
     seen = [item.visible_keyframes for item in truth.objects]
     visible = None
     if all(count is not None for count in seen):
-        visible = frozenset(column for column, count in enumerate(seen) if (count or 0) >= _ENOUGH_KEYFRAMES)
+        visible = frozenset(column for column, count in enumerate(seen) if (count or 0) >= ENOUGH_KEYFRAMES)
     return RadiusScore(
-        radius_m=radius_m,
-        landmarks=landmarks,
+        landmarks=len(allowed),
         objects=len(truth.objects),
         matched=len(pairs),
+        radius_m=radius_m,
         visible_objects=None if visible is None else len(visible),
         visible_matched=None if visible is None else sum(column in visible for _, column in pairs),
-    )
-
-
-def _still_there(place: FormerPlace, objects: Sequence[TruthObject], radius_m: float) -> bool:
-    """Whether the place named by an event is where that object is at the end."""
-    point = place.center_m.reshape(1, 3)
-    return any(float(distances(point, [item])[0, 0]) <= max(radius_m, item.half_extent_m) for item in objects if item.id == place.id)
-
-
-def _extra(
-    landmark: Landmark,
-    words: tuple[str, ...],
-    truth: Truth,
-    former: Sequence[FormerPlace],
-    distance_m: FloatArray,
-    allowed: BoolArray,
-    rule: LabelRule,
-    radius_m: float,
-) -> ExtraLandmark:
-    nearest = int(np.argmin(distance_m))
-    kind, of = "false", None
-    if allowed.any():
-        # Were one of these objects free, the assignment would have taken it: all are matched already.
-        kind, of = "duplicate", truth.objects[int(np.argmin(np.where(allowed, distance_m, np.inf)))].id
-    else:
-        for place in former:
-            near = float(np.linalg.norm(landmark.position_m - place.center_m)) <= max(radius_m, place.half_extent_m)
-            if near and (not place.labels or rule.agree(words, place.labels)):
-                kind, of = "ghost", place.id
-                break
-    return ExtraLandmark(
-        landmark_id=landmark.id,
-        label=landmark.label,
-        position_m=(float(landmark.position_m[0]), float(landmark.position_m[1]), float(landmark.position_m[2])),
-        kind=kind,
-        of=of,
-        nearest_object_id=truth.objects[nearest].id,
-        nearest_m=float(distance_m[nearest]),
+        given_objects=truth_count,
     )
 
 

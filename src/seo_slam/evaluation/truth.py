@@ -11,7 +11,8 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from seo_slam.errors import DatasetError
-from seo_slam.evaluation.landmarks import FormerPlace, Truth, TruthObject
+from seo_slam.evaluation.true_objects import FormerPlace, Truth, TruthObject
+from seo_slam.geometry import FloatArray
 
 Vector = tuple[float, float, float]
 
@@ -58,16 +59,18 @@ class ObjectEntry(_Entry):
 
     def to_object(self) -> TruthObject:
         """What the evaluation needs of it."""
-        half_m = 0.0
+        half_m, box_m = 0.0, None
         if self.aabb_min and self.aabb_max:
             half_m = min(self.aabb_max[0] - self.aabb_min[0], self.aabb_max[1] - self.aabb_min[1]) / 2
-        return TruthObject(self.id, self.words(), np.array(self.centers()), half_m, self.visible_keyframes)
+            box_m = np.array([self.aabb_min, self.aabb_max])
+        return TruthObject(self.id, self.words(), np.array(self.centers()), half_m, self.visible_keyframes, box_m)
 
 
 class EventEntry(_Entry):
     """One change of the scene while it was recorded.
 
-    ``center`` is a place where the object was or came to be; an optional ``previous_center`` where it was before.
+    ``center`` is a place where the object was or came to be; an optional ``previous_center`` where it was before. The box, if given, is
+    that around ``center``.
     """
 
     timestamp_s: float
@@ -75,8 +78,16 @@ class EventEntry(_Entry):
     id: str
     center: Vector | None = None
     previous_center: Vector | None = None
+    aabb_min: Vector | None = None
+    aabb_max: Vector | None = None
     label: str = ""
     accepted_labels: tuple[str, ...] = ()
+
+    def size_m(self) -> FloatArray | None:
+        """Extent (3,) of the box; None where it is not given."""
+        if self.aabb_min is None or self.aabb_max is None:
+            return None
+        return np.asarray(np.abs(np.array(self.aabb_max) - np.array(self.aabb_min)), dtype=np.float64)
 
 
 class TruthFile(_Entry):
@@ -96,10 +107,13 @@ class TruthFile(_Entry):
             named = words.get(event.id)
             labels = item.labels if item else ((named.label, *named.accepted_labels) if named else ())
             labels = tuple(word for word in labels if word.strip())
-            reach_m = item.half_extent_m if item else 0.0
+            size_m = event.size_m()
+            if size_m is None and item is not None and item.box_m is not None:
+                size_m = item.box_m[1] - item.box_m[0]
+            half_m = 0.0 if size_m is None else float(min(size_m[0], size_m[1])) / 2
             for point in (event.previous_center, event.center):
                 if point is not None:
-                    places.append(FormerPlace(event.id, event.event, labels, np.array(point), reach_m))
+                    places.append(FormerPlace(event.id, event.event, labels, np.array(point), half_m, size_m))
         return Truth(objects, tuple(places))
 
 
