@@ -6,17 +6,16 @@ same mistakes come back however frames are asked for, and whatever else is in th
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from seo_slam.errors import FrameError
-from seo_slam.geometry import FloatArray
 from seo_slam.simulation.detector_knobs import DetectorKnobs
 from seo_slam.simulation.draws import generator
 from seo_slam.simulation.false_boxes import PhantomSpot, phantom_boxes, spurious_boxes
 from seo_slam.simulation.labels import LOOK_ALIKES
-from seo_slam.simulation.masks import PackedMasks, Patch, patches_of
+from seo_slam.simulation.masks import KeptDetections, PackedMasks, Patch, patches_of
 from seo_slam.simulation.simulated_box import SimulatedBox, clipped_score
 from seo_slam.simulation.visible import View, octant, visibility
 from seo_slam.simulation.world import Thing
@@ -46,12 +45,18 @@ class SimulatedDetector:
         self.knobs = knobs or DetectorKnobs()
         self.seed = seed
         self.phantoms = tuple(phantoms)
-        self.look_alikes = look_alikes
+        self.look_alikes = {label.casefold(): others for label, others in look_alikes.items()}
         self._shown: dict[float, KeptDetections] = {}
 
     def show(self, timestamp_s: float, view: View) -> None:
         """Tell what is in the frame of this stamp; ``detect`` can then be asked for it."""
-        self._shown[timestamp_s] = KeptDetections.of(self.boxes(view), view)
+        boxes = self.boxes(view)
+        self._shown[timestamp_s] = KeptDetections(
+            boxes_px=np.array([box.box_px for box in boxes], dtype=np.float64).reshape(-1, 4),
+            labels=tuple(box.label for box in boxes),
+            scores=np.array([box.score for box in boxes], dtype=np.float64),
+            masks=PackedMasks([box.patch for box in boxes if box.patch is not None], *view.rendered.instance_ids.shape),
+        )
 
     def detect(self, frame: Frame) -> Detections:
         """Return what is seen in a frame, with the mask of every box: the pixels of the thing in it, exact; an ellipse in a false box.
@@ -78,7 +83,9 @@ class SimulatedDetector:
         smallest_px = self.knobs.smallest_in(*view.rendered.instance_ids.shape)
         if visible_px < smallest_px:
             return None
-        ease = self.knobs.visibility * (visibility(thing, view, visible_px, smallest_px) - 1.0) + 1.0
+        ease = 1.0
+        if self.knobs.visibility:
+            ease += self.knobs.visibility * (visibility(thing, view, visible_px, smallest_px) - 1.0)
         draws = generator(self.seed, "see", thing.id, view.index)
         chance, noise = float(draws.random()), float(draws.standard_normal())
         if chance >= (1.0 - self.knobs.miss) * ease:
@@ -89,7 +96,7 @@ class SimulatedDetector:
 
     def _label(self, thing: Thing, view: View, again: int = 0) -> str:
         """The label of a thing, or of a look-alike: drawn for the side it is seen from, or now and then for this frame."""
-        others = self.look_alikes.get(thing.label, ())
+        others = self.look_alikes.get(thing.label.casefold(), ())
         if not others or not self.knobs.relabel:
             return thing.label
         fresh = generator(self.seed, "label", thing.id, view.index, again)
@@ -137,34 +144,3 @@ class SimulatedDetector:
             label = self._label(view.world.thing(box.thing_ids[0]), view, again=1)
             return [box, replace(box, label=label, score=weaker)]
         return [replace(box, box_px=half, score=weaker) for half in box.cut(at)]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class KeptDetections:
-    """The detections of one frame, small enough to keep for a whole recording.
-
-    Attributes:
-        boxes_px: (N, 4).
-        labels: N words, or None each.
-        scores: (N,).
-        masks: N masks.
-    """
-
-    boxes_px: FloatArray
-    labels: tuple[str | None, ...]
-    scores: FloatArray
-    masks: PackedMasks
-
-    @classmethod
-    def of(cls, boxes: Sequence[SimulatedBox], view: View) -> "KeptDetections":
-        """Keep finished boxes of a view."""
-        return cls(
-            boxes_px=np.array([box.box_px for box in boxes], dtype=np.float64).reshape(-1, 4),
-            labels=tuple(box.label for box in boxes),
-            scores=np.array([box.score for box in boxes], dtype=np.float64),
-            masks=PackedMasks([box.patch for box in boxes if box.patch is not None], *view.rendered.instance_ids.shape),
-        )
-
-    def detections(self) -> Detections:
-        """Return them, masks unpacked."""
-        return Detections(self.boxes_px.copy(), self.labels, self.scores.copy(), self.masks.unpacked())

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from seo_slam.geometry import FloatArray
-from seo_slam.types import BoolArray
+from seo_slam.types import BoolArray, Detections
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -92,3 +92,24 @@ class PackedMasks:
             pixels = np.unpackbits(bits, count=height * width).reshape(height, width)
             mask[row : row + height, column : column + width] = pixels
         return masks
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class KeptDetections:
+    """The detections of one frame, small enough to keep those of a whole recording.
+
+    Attributes:
+        boxes_px: (N, 4).
+        labels: N words, or None each.
+        scores: (N,).
+        masks: N masks.
+    """
+
+    boxes_px: FloatArray
+    labels: tuple[str | None, ...]
+    scores: FloatArray
+    masks: PackedMasks
+
+    def detections(self) -> Detections:
+        """Return them, masks unpacked."""
+        return Detections(self.boxes_px.copy(), self.labels, self.scores.copy(), self.masks.unpacked())

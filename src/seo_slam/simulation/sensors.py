@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seo_slam.errors import ConfigError
-from seo_slam.geometry import exp, inverse
+from seo_slam.geometry import exp, inverse, so3_log
 from seo_slam.records import Trajectory
 from seo_slam.simulation.draws import generator
 
@@ -39,6 +39,7 @@ class SensorKnobs:
         holes: chance that a pixel at a depth edge has no return.
         drift_m, drift_deg: standard deviation, per axis, that a random walk of the odometry gathers on the first metre travelled; it grows
             with the square root of the distance.
+        turn_drift_deg: the same for rotation, on the first radian turned; no level sets it.
     """
 
     depth_noise: float = 0.0
@@ -47,6 +48,7 @@ class SensorKnobs:
     holes: float = 0.0
     drift_m: float = 0.0
     drift_deg: float = 0.0
+    turn_drift_deg: float = 0.0
 
     @classmethod
     def at_level(cls, level: float) -> Self:
@@ -124,14 +126,15 @@ def depth_edges(depth_m: NDArray[np.float32]) -> NDArray[np.bool_]:
 def drifting_odometry(truth: Trajectory, knobs: SensorKnobs, seed: int) -> Trajectory:
     """Return what a robot's odometry would report: it starts at the first true pose and then adds up noisy steps.
 
-    Each step is perturbed on the right by a random twist whose variance grows with the length of the step (a random walk).
+    Each step is perturbed on the right by a random twist whose variance grows with the length of the step (a random walk), and with
+    its angle if ``turn_drift_deg`` is set.
     """
     poses = [truth.T_world_camera[0]]
     for index in range(1, len(truth)):
         step = inverse(truth.T_world_camera[index - 1]) @ truth.T_world_camera[index]
-        walked = np.sqrt(float(np.linalg.norm(step[:3, 3])))
+        walked_m, turned_rad = (float(np.linalg.norm(v)) for v in (step[:3, 3], so3_log(step[:3, :3])))
         twist = generator(seed, "odometry", index).standard_normal(6)
-        twist[:3] *= np.radians(knobs.drift_deg) * walked
-        twist[3:] *= knobs.drift_m * walked
+        twist[:3] *= np.radians(np.hypot(knobs.drift_deg * np.sqrt(walked_m), knobs.turn_drift_deg * np.sqrt(turned_rad)))
+        twist[3:] *= knobs.drift_m * np.sqrt(walked_m)
         poses.append(poses[-1] @ step @ exp(twist))
     return Trajectory(truth.timestamps_s.copy(), np.stack(poses))

@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 from seo_slam.camera import Camera
 from seo_slam.errors import ConfigError
@@ -32,6 +32,14 @@ def simulated_camera(width: int = 320, height: int = 240) -> Camera:
         raise ConfigError(f"image size: got {width}x{height}, wanted at least 32 pixels each way")
     focal = _FOCAL_SHARE * width
     return Camera(focal, focal, (width - 1) / 2.0, (height - 1) / 2.0, width, height)
+
+
+class Seer(Protocol):
+    """Something that is told what is in each frame: a detector or a segmenter of one's own."""
+
+    def show(self, timestamp_s: float, view: View) -> None:
+        """Take what is in the frame of this stamp."""
+        ...
 
 
 class SimulatedRecording:
@@ -81,6 +89,7 @@ class SimulatedRecording:
         self.detector_knobs = detector_knobs or DetectorKnobs.at_level(level)
         self.look_alikes = look_alikes
         self.renderer = make_renderer(renderer)
+        self._seers: list[Seer] = []
         self._cache = None if cache is None else RenderCache(Path(cache), self)
         self.odometry: Trajectory = drifting_odometry(trajectory, self.sensor_knobs, seed)
         """What a robot's wheels or its visual odometry would report: drifting."""
@@ -109,12 +118,17 @@ class SimulatedRecording:
             self._cache.put(index, drawn)
         return drawn
 
+    def show_to(self, seer: Seer) -> None:
+        """Tell one more detector what is in every frame that is drawn from now on."""
+        self._seers.append(seer)
+
     def frame(self, index: int) -> Frame:
         """Draw one frame, and show it to the detector."""
         timestamp_s = float(self.trajectory.timestamps_s[index])
         rendered = self.rendered(index)
-        world = self.scene.world_at(timestamp_s)
-        self.detector.show(timestamp_s, View(index, world, self.camera, self.trajectory.T_world_camera[index], rendered))
+        view = View(index, self.scene.world_at(timestamp_s), self.camera, self.trajectory.T_world_camera[index], rendered)
+        for seer in (self.detector, *self._seers):
+            seer.show(timestamp_s, view)
         depth_m = sense_depth(rendered.depth_m, self.sensor_knobs, self.seed, index)
         return Frame(timestamp_s, rendered.rgb, depth_m, self.camera, index)
 
