@@ -9,7 +9,10 @@ import numpy as np
 from seo_slam.geometry import FloatArray
 
 _LINE_HEIGHT = 1.25
-_RINGS = (1.0, 2.4, 4.2)  # distance of the label from its point, in steps of the gap
+NEAR_RINGS = (1.0, 2.4, 4.2)
+"""Distances of a label from its point, in steps of the gap; the nearest free one is taken."""
+FAR_RINGS = (*NEAR_RINGS, 6.5, 9.0, 12.0, 16.0)
+"""For crowded pictures in which no label should be missing."""
 _SIDES = ((1, 0), (-1, 0), (0, -1), (0, 1), (1, -1), (1, 1), (-1, -1), (-1, 1))  # x right, y down
 
 
@@ -38,6 +41,7 @@ def place_labels(
     bounds_px: tuple[float, float, float, float],
     obstacles_px: FloatArray,
     gap_px: float = 7.0,
+    rings: tuple[float, ...] = NEAR_RINGS,
 ) -> list[Placement | None]:
     """Place labels beside their points, the first ones first; None where no place is free.
 
@@ -48,6 +52,7 @@ def place_labels(
         bounds_px: left, top, right, bottom; labels stay inside.
         obstacles_px: (M, 4) boxes that no label may cover.
         gap_px: space between a point and its label.
+        rings: distances that are tried, in steps of the gap.
     """
     taken = np.empty((len(obstacles_px) + len(texts), 4))
     taken[: len(obstacles_px)] = obstacles_px
@@ -55,7 +60,7 @@ def place_labels(
     placements: list[Placement | None] = []
     for point, text in zip(points_px, texts, strict=True):
         size = np.array([text_width_px(text, font_px), _LINE_HEIGHT * font_px])
-        candidates = _candidates(point, size, gap_px)
+        candidates = _candidates(point, size, gap_px, rings)
         free = np.flatnonzero(_inside(candidates, bounds_px) & ~_covers_any(candidates, taken[:count]))
         if not text or len(free) == 0:
             placements.append(None)
@@ -68,11 +73,11 @@ def place_labels(
     return placements
 
 
-def _candidates(point: FloatArray, size: FloatArray, gap_px: float) -> FloatArray:
+def _candidates(point: FloatArray, size: FloatArray, gap_px: float, rings: tuple[float, ...]) -> FloatArray:
     """(C, 4) boxes around a point, the preferred first."""
     sides = np.array(_SIDES, dtype=np.float64)
-    rings = np.array(_RINGS)[:, None, None] * gap_px
-    centres = (point + sides * (size / 2 + rings)).reshape(-1, 2)
+    away_px = np.array(rings)[:, None, None] * gap_px
+    centres = (point + sides * (size / 2 + away_px)).reshape(-1, 2)
     return np.concatenate([centres - size / 2, centres + size / 2], axis=1)
 
 

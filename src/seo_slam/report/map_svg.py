@@ -10,29 +10,12 @@ from seo_slam.geometry import FloatArray
 from seo_slam.records import Trajectory
 from seo_slam.report.escaping import clean_text, escaped
 from seo_slam.report.label_layout import Placement, place_labels
+from seo_slam.report.map_frame import MapStyle, corners, grid, label_anchor, path_line, scale_bar, scale_bar_box
 from seo_slam.report.projection import Projection, View, choose_projection, far_away, fit_view, hull
 from seo_slam.types import Landmark
 
-_MOST_TRAJECTORY_POINTS = 800
 _LABEL_CHARACTERS = 24
 _SIGMAS = 2.0
-
-
-@dataclass(frozen=True, slots=True)
-class MapStyle:
-    """Sizes for one width of screen; all in pixels of the picture, which is shown at about its own size.
-
-    ``tallest`` and ``flattest`` are heights as shares of the width.
-    """
-
-    name: str
-    width_px: float
-    font_px: float
-    dot_px: float
-    margin_px: float
-    grid_px: float
-    tallest: float
-    flattest: float
 
 
 WIDE = MapStyle("wide", 920, 13, 4.0, 46, 70, 0.72, 0.45)
@@ -119,7 +102,7 @@ def render_map(scene: Scene, style: MapStyle, colour_class: Callable[[str], str]
     view = fit_view(scene.extent, style.width_px, style.tallest, style.flattest, style.margin_px)
     centres = view.pixels(np.array([d.centre for d in scene.drawn]).reshape(-1, 2))
     reach = np.array([[-1.0, -1.0, 1.0, 1.0]]) * (style.dot_px + 1)
-    obstacles = np.concatenate([np.tile(centres, 2) + reach, [_scale_bar_box(view, style)]])
+    obstacles = np.concatenate([np.tile(centres, 2) + reach, [scale_bar_box(view, style)]])
     names = [_short_name(d.landmark) for d in scene.drawn]
     inside = (4.0, 4.0, view.width_px - 4.0, view.height_px - style.font_px - 8.0)
     placements = place_labels(centres, names, style.font_px, inside, obstacles, gap_px=style.dot_px + 4)
@@ -130,7 +113,7 @@ def render_map(scene: Scene, style: MapStyle, colour_class: Callable[[str], str]
         f'role="group" aria-label="Map: {escaped(scene.projection.caption, 300)}" font-size="{style.font_px:g}">',
         f'<clipPath id="{clip}"><rect width="{view.width_px:g}" height="{view.height_px:g}" rx="8"/></clipPath>',
         f'<rect class="ground" width="{view.width_px:g}" height="{view.height_px:g}" rx="8"/><g clip-path="url(#{clip})">',
-        _grid(view, style, scene.projection.names),
+        grid(view, style, scene.projection.names),
         _path(scene, view, style),
         *(_landmark(d, centre, view, style, colour_class(d.landmark.label)) for d, centre in painted),
         *(
@@ -139,7 +122,7 @@ def render_map(scene: Scene, style: MapStyle, colour_class: Callable[[str], str]
             if place is not None
         ),
         "</g>",
-        _scale_bar(view, style),
+        scale_bar(view, style),
         "</svg>",
     ]
     return "".join(parts)
@@ -153,69 +136,28 @@ def _extent_m(drawn: DrawnLandmark) -> float:
     return float(np.ptp(drawn.outline, axis=0).sum())
 
 
-def _grid(view: View, style: MapStyle, names: tuple[str, str]) -> str:
-    step = view.grid_step_m(style.grid_px)
-    w, h, font = view.width_px, view.height_px, style.font_px
-    small = f'font-size="{0.85 * font:g}"'
-    lines, texts = [], []
-    for metres, x in view.lines(0, step):
-        lines.append(f"M{x:.1f} 0V{h:g}")
-        if 2.5 * font < x < w - 9 * font:
-            texts.append(f'<text x="{x:.1f}" y="{h - 5:.1f}" text-anchor="middle">{metres:.10g}</text>')
-    for metres, y in view.lines(1, step):
-        lines.append(f"M0 {y:.1f}H{w:g}")
-        if 2.5 * font < y < h - 2 * font:
-            texts.append(f'<text x="5" y="{y - 3:.1f}">{metres:.10g}</text>')
-    return (
-        f'<path class="grid" d="{"".join(lines)}"/><g class="ticks" {small}>{"".join(texts)}'
-        f'<text class="axis" x="5" y="{font + 3:g}">{escaped(names[1])} ↑ m</text>'
-        f'<text class="axis" x="{w - 5:g}" y="{h - 5:g}" text-anchor="end">{escaped(names[0])} → m</text></g>'
-    )
-
-
-def _scale_bar_box(view: View, style: MapStyle) -> list[float]:
-    length = view.grid_step_m(style.grid_px) * view.px_per_m
-    right, bottom = view.width_px - 12.0, view.height_px - 1.9 * style.font_px
-    return [right - max(length, 5 * style.font_px), bottom - 1.9 * style.font_px, right, bottom]
-
-
-def _scale_bar(view: View, style: MapStyle) -> str:
-    step = view.grid_step_m(style.grid_px)
-    _, _, right, bottom = _scale_bar_box(view, style)
-    left = right - step * view.px_per_m
-    name = f"{step:g} m" if step >= 1 else f"{100 * step:g} cm"
-    return (
-        f'<g class="scale"><path d="M{left:.1f} {bottom - 6:.1f}v6H{right:.1f}v-6"/>'
-        f'<text x="{right - 4:.1f}" y="{bottom - 9:.1f}" text-anchor="end">{name}</text></g>'
-    )
-
-
 def _path(scene: Scene, view: View, style: MapStyle) -> str:
     if len(scene.path) == 0:
         return ""
-    every = max(int(np.ceil(len(scene.path) / _MOST_TRAJECTORY_POINTS)), 1)
-    points = view.pixels(np.concatenate([scene.path[:-1:every], scene.path[-1:]]))
-    line = " ".join(f"{x:.1f},{y:.1f}" for x, y in points)
     ends = view.pixels(scene.path[[0, -1]])
     marks = [
         f'<g class="camera {name}"><title>camera at the {name}</title>{_view_cone(at, heading, style)}'
         f'<circle cx="{at[0]:.1f}" cy="{at[1]:.1f}" r="{style.dot_px:g}"/></g>'
         for name, at, heading in zip(("start", "end"), ends, scene.headings, strict=True)
     ]
-    return f'<polyline class="path" points="{line}"/>{"".join(marks)}'
+    return f"{path_line(scene.path, view)}{''.join(marks)}"
 
 
 def _view_cone(at: FloatArray, heading: FloatArray, style: MapStyle) -> str:
     """A small triangle that opens where the camera looks; its length shows how level it looks."""
     ahead = np.array([heading[0], -heading[1]]) * 5.5 * style.dot_px
     across = np.array([-ahead[1], ahead[0]]) * 0.5
-    tips = " ".join(f"{x:.1f},{y:.1f}" for x, y in (at, at + ahead + across, at + ahead - across))
-    return f'<polygon points="{tips}"/>'
+    tips = np.array([at, at + ahead + across, at + ahead - across])
+    return f'<polygon points="{corners(tips)}"/>'
 
 
 def _landmark(drawn: DrawnLandmark, centre: FloatArray, view: View, style: MapStyle, colour: str) -> str:
     m = drawn.landmark
-    outline = " ".join(f"{x:.1f},{y:.1f}" for x, y in view.pixels(drawn.outline))
     major, minor, angle = sigma_ellipse(drawn.covariance)
     place = f"{centre[0]:.1f} {centre[1]:.1f}"
     x, y = place.split()
@@ -223,7 +165,7 @@ def _landmark(drawn: DrawnLandmark, centre: FloatArray, view: View, style: MapSt
     title = f"{clean_text(m.label) or 'unnamed'} #{m.id}, {m.state}, seen in {m.observations} keyframes, {size} cm"
     return (
         f'<a class="landmark {m.state} {colour}" href="#landmark-{m.id}" data-id="{m.id}"><title>{escaped(title, 240)}</title>'
-        f'<polygon class="footprint" points="{outline}"/>'
+        f'<polygon class="footprint" points="{corners(view.pixels(drawn.outline))}"/>'
         f'<ellipse class="sigma" rx="{major * view.px_per_m:.1f}" ry="{minor * view.px_per_m:.1f}" '
         f'transform="translate({place}) rotate({-np.degrees(angle):.1f})"/>'
         f'<circle class="touch" cx="{x}" cy="{y}" r="{3.5 * style.dot_px:g}"/>'
@@ -232,19 +174,8 @@ def _landmark(drawn: DrawnLandmark, centre: FloatArray, view: View, style: MapSt
 
 
 def _label(landmark: Landmark, name: str, centre: FloatArray, place: Placement, style: MapStyle) -> str:
-    left, top, right, bottom = place.box_px
-    leader = ""
-    if place.leader:
-        tip = np.clip(centre, [left, top], [right, bottom])
-        leader = f'<path class="leader" d="M{centre[0]:.1f} {centre[1]:.1f}L{tip[0]:.1f} {tip[1]:.1f}"/>'
-    middle = (left + right) / 2
-    if right <= centre[0]:
-        anchor, x = "end", right
-    elif left >= centre[0]:
-        anchor, x = "start", left
-    else:
-        anchor, x = "middle", middle
+    where, leader = label_anchor(place, centre, style.font_px)
     return (
         f'{leader}<a class="tag {landmark.state}" href="#landmark-{landmark.id}" data-id="{landmark.id}" tabindex="-1">'
-        f'<text x="{x:.1f}" y="{top + 0.95 * style.font_px:.1f}" text-anchor="{anchor}">{escaped(name)}</text></a>'
+        f"<text {where}>{escaped(name)}</text></a>"
     )
