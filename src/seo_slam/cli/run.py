@@ -28,7 +28,7 @@ def run(
     detector: Annotated[str | None, typer.Option(help="yolox, recorded, none, or module:Class.")] = None,
     weights: Annotated[Path | None, typer.Option(help="Weights of the detector.")] = None,
     score: Annotated[float | None, typer.Option(min=0, max=1, help="Least score of a detection.")] = None,
-    detections: Annotated[Path | None, typer.Option(help="JSON lines for --detector recorded.")] = None,
+    detections: Annotated[Path | None, typer.Option(help="JSON lines for --detector recorded; default: detections.jsonl in PATH.")] = None,
     record_detections: Annotated[Path | None, typer.Option(help="Write all detections to this file.")] = None,
     odometry: Annotated[str | None, typer.Option(help="recorded (default where there are poses), visual, or module:Class.")] = None,
     trajectory: Annotated[Path | None, typer.Option(help="Poses for --odometry recorded (TUM text).")] = None,
@@ -58,7 +58,7 @@ def run(
     recording = open_dataset(dataset, path, stride=stride, max_frames=max_frames, **options)
     for warning in recording.warnings:
         typer.echo(f"warning: {warning}", err=True)
-    chosen = _with_detector(chosen, detector, weights, score, detections)
+    chosen = _with_detector(chosen, detector, weights, score, detections, recording.path)
     chosen = _with_odometry(chosen, odometry, initial_pose, recording, replay=trajectory is not None)
     # All that can be wrong with the caller's input has to show before the first byte is written.
     parts = _rehearsed(chosen, recording, replay=trajectory is not None)
@@ -66,7 +66,7 @@ def run(
         raise ConfigError("--continue with --odometry visual needs --initial-pose: where the first camera is in the map's frame")
     old = Map.load(continue_map) if continue_map is not None else None
     if record_detections is not None:
-        _require_recordable(record_detections, detections, out, overwrite)
+        _require_recordable(record_detections, _replayed(chosen), out, overwrite)
     if old is not None and old.gravity == "unknown" and chosen.odometry.name == "recorded":
         typer.echo("warning: the map to continue has a world of its own (gravity unknown); recorded poses are of another", err=True)
     folder = prepare_folder(out, overwrite)
@@ -113,7 +113,9 @@ def _store(config: Config, folder: Path) -> Component:
     return Component(name="sqlite", options={**config.store.options, "path": folder / "map.db"})
 
 
-def _with_detector(config: Config, name: str | None, weights: Path | None, score: float | None, detections: Path | None) -> Config:
+def _with_detector(
+    config: Config, name: str | None, weights: Path | None, score: float | None, detections: Path | None, recording: Path
+) -> Config:
     chosen = Component(name=name) if name is not None and name != config.detector.name else config.detector
     extra: dict[str, Any] = {}
     if weights is not None:
@@ -125,10 +127,26 @@ def _with_detector(config: Config, name: str | None, weights: Path | None, score
     if chosen.name == "yolox" and "weights" not in {**chosen.options, **extra}:
         raise ConfigError("--detector yolox needs --weights FILE (a YOLOX model in ONNX form)")
     if chosen.name == "recorded" and "path" not in {**chosen.options, **extra}:
-        raise ConfigError("--detector recorded needs --detections FILE (JSON lines, as --record-detections writes them)")
+        extra["path"] = str(_own_detections(recording))
     if score is not None:
         extra["score"] = score
     return config.model_copy(update={"detector": Component(name=chosen.name, options={**chosen.options, **extra})})
+
+
+def _own_detections(recording: Path) -> Path:
+    """Return the file of detections that came with a recording."""
+    file = recording / "detections.jsonl"
+    if not file.is_file():
+        raise ConfigError(
+            f"--detector recorded: {recording} has no {file.name}; give --detections FILE (JSON lines, as --record-detections writes them)"
+        )
+    return file
+
+
+def _replayed(config: Config) -> Path | None:
+    """The file that the recorded detector reads, if that is the detector."""
+    path = config.detector.options.get("path")
+    return Path(path) if config.detector.name == "recorded" and path is not None else None
 
 
 def _with_odometry(config: Config, name: str | None, initial_pose: str | None, recording: "Recording", replay: bool) -> Config:
@@ -153,7 +171,7 @@ def _with_odometry(config: Config, name: str | None, initial_pose: str | None, r
 def _require_recordable(file: Path, replayed: Path | None, out: Path, overwrite: bool) -> None:
     """Raise ``ConfigError`` unless detections can be written there, and nothing is lost by it."""
     if replayed is not None and file.resolve() == replayed.resolve():
-        raise ConfigError(f"--record-detections {file}: is the file that --detections reads; give another")
+        raise ConfigError(f"--record-detections {file}: is the file that --detector recorded reads; give another")
     if file.is_file() and file.stat().st_size and not overwrite:
         raise ConfigError(f"--record-detections {file}: already holds something; give --overwrite to replace it, or another file")
     _require_writable(file, out)

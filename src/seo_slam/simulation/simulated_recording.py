@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from seo_slam.camera import Camera
 from seo_slam.errors import ConfigError
@@ -18,6 +18,9 @@ from seo_slam.simulation.scene import Scene
 from seo_slam.simulation.sensors import SensorKnobs, drifting_odometry, require_level, sense_depth
 from seo_slam.simulation.true_views import truth_of
 from seo_slam.types import Frame
+
+if TYPE_CHECKING:
+    from seo_slam.simulation.mesh_library import MeshLibrary
 
 _FOCAL_SHARE = 265.0 / 320.0  # of the width: about 62 degrees across, as a Kinect
 
@@ -59,6 +62,7 @@ class SimulatedRecording:
         look_alikes: Mapping[str, tuple[str, ...]] = LOOK_ALIKES,
         renderer: RendererName = "auto",
         cache: str | Path | None = None,
+        meshes: "MeshLibrary | None" = None,
     ) -> None:
         """Put a recording together; nothing is drawn yet.
 
@@ -74,6 +78,7 @@ class SimulatedRecording:
             look_alikes: label -> labels that the detector takes it for.
             renderer: "embree", "primitive" or "auto".
             cache: a folder that keeps drawn frames, so that another level or knob need not draw them again.
+            meshes: the models that its things are made of; ``simulation.json`` names their licences.
 
         Raises:
             ConfigError: a level below 0, or an unknown renderer.
@@ -89,6 +94,7 @@ class SimulatedRecording:
         self.detector_knobs = detector_knobs or DetectorKnobs.at_level(level)
         self.look_alikes = look_alikes
         self.renderer = make_renderer(renderer)
+        self.meshes = meshes
         self._seers: list[Seer] = []
         self._cache = None if cache is None else RenderCache(Path(cache), self)
         self.odometry: Trajectory = drifting_odometry(trajectory, self.sensor_knobs, seed)
