@@ -71,7 +71,6 @@ def judged(recording: SimulatedRecording, moments: Sequence[Moment], job: Job) -
     """Return all cases of one run, by kind."""
     scene, camera = recording.scene, recording.camera
     smallest_px = recording.detector_knobs.smallest_px * camera.width * camera.height / (640 * 480)
-    old = old_places(scene.changes, recording)
     left = []
     for index, thing in old_places(scene.changes, recording).items():
         change = scene.changes[index]

@@ -24,9 +24,9 @@ DEFINITIONS = {
     "one-to-one with all things present then, by place alone (labels ignored), as many as possible, then nearest; within the radius, or "
     "half the thing's smaller horizontal extent, of the centre of its box or of its surface seen so far",
     "ghosts": "things removed or moved that had a landmark; looked at when their old place should have been seen in "
-    f"{GHOST_KEYFRAMES} keyframes (centre of the old box inside the true image by a margin of 5 %, in range, no true surface nearer before "
-    f"it) and {GHOST_SECONDS:g} s have gone by since the change, whichever is later. Gone: no stable landmark within reach of the old place "
-    "but those that stand for a thing present, or are nearer to one; the old landmark itself counts in any case unless it stands for a "
+    f"{GHOST_KEYFRAMES} keyframes (centre of the old box inside the true image by a margin of 5 %, in range, no true surface nearer) and "
+    f"{GHOST_SECONDS:g} s have gone by since the change, whichever is later. Gone: no stable landmark within reach of the old place but "
+    "those that stand for a thing present, or are nearer to one; the old landmark itself counts in any case unless it stands for a "
     "thing. undecided: the recording ends before. taken_over: gone, but the old landmark stands now for another thing",
     "hidden": f"things that never changed, had a landmark, and were then less than {100 * HIDDEN_SHARE:g} % visible in at least "
     f"{HIDDEN_KEYFRAMES} keyframes with the centre of their box inside the image. removed: their landmark (or the one it was merged into) "
