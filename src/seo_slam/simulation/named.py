@@ -9,7 +9,7 @@ from seo_slam.simulation.inventories import ROOMS
 from seo_slam.simulation.mesh_library import MeshLibrary
 from seo_slam.simulation.rendering import require_embree
 from seo_slam.simulation.sensors import require_level
-from seo_slam.simulation.simulated_recording import SimulatedRecording
+from seo_slam.simulation.simulated_recording import SimulatedRecording, simulated_camera
 
 NAMES = ("desk", *ROOMS, "apartment", "house")
 """What ``simulate`` knows."""
@@ -20,7 +20,7 @@ def simulate(
     *,
     seed: int = 0,
     level: float = 0.5,
-    meshes: str | Path | MeshLibrary | None = None,
+    meshes: str | Path | None = None,
     frames: int | None = None,
     width: int = 320,
     height: int = 240,
@@ -32,8 +32,8 @@ def simulate(
         name: one of ``NAMES``, in capitals or not.
         seed: of everything.
         level: how imperfect depth, odometry and detector are: 0 perfect, 1 a poor day.
-        meshes: a folder of GLB models with manifests, or one that was read; without it things are made of coloured primitives. The
-            house needs it, the desk takes none.
+        meshes: a folder of GLB models with manifests; without it things are made of coloured primitives. The house needs it, the desk
+            takes none.
         frames: how many; None: as many as suit the world.
         width: of the images, pixels.
         height: of the images, pixels.
@@ -45,7 +45,8 @@ def simulate(
         MissingBackendError: meshes without the extra ``sim``.
     """
     known = known_name(name)
-    require_level(level)  # before a room is furnished
+    require_level(level)  # these before a room is furnished
+    simulated_camera(width, height)
     options: dict[str, Any] = {"seed": seed, "level": level, "width": width, "height": height}
     if frames is not None:
         options["frames"] = frames
@@ -56,7 +57,7 @@ def simulate(
 
         return SimulatedDesk(**options)
     library = _library(known, meshes)
-    recording = _furnished(known, {**options, "meshes": library, "changes": changes})
+    recording = _furnished(known, {**options, "meshes": meshes, "changes": changes})
     if recording.meshes is None:
         recording.meshes = library
     return recording
@@ -76,13 +77,13 @@ def known_name(name: str) -> str:
     return spelt[name.casefold()]
 
 
-def _library(name: str, meshes: str | Path | MeshLibrary | None) -> MeshLibrary | None:
+def _library(name: str, meshes: str | Path | None) -> MeshLibrary | None:
     if meshes is None:
         if name == "house":
             raise ConfigError("house: got no mesh folder; wanted one with the models and scene.json of the house")
         return None
     require_embree(f"{name} with meshes")
-    return meshes if isinstance(meshes, MeshLibrary) else MeshLibrary(meshes)
+    return MeshLibrary(meshes)
 
 
 def _furnished(name: str, options: dict[str, Any]) -> SimulatedRecording:
