@@ -1,14 +1,15 @@
 """seo-slam eval: what it prints, what it gives a program, and what it says of bad arguments."""
 
 import json
+import xml.etree.ElementTree as ET
 
 import numpy as np
 import pytest
 from typer.testing import CliRunner
 
 from seo_slam.cli.app import app
-from seo_slam.datasets.trajectory_files import write_trajectory
-from seo_slam.errors import ConfigError, DatasetError, MapFormatError
+from seo_slam.datasets.trajectory_files import read_trajectory, write_trajectory
+from seo_slam.errors import ConfigError, DatasetError, EvaluationError, MapFormatError
 from seo_slam.geometry import exp, inverse
 from seo_slam.map import Map
 from seo_slam.records import Trajectory
@@ -62,8 +63,12 @@ def aligned(scene, *arguments):
 def test_landmarks_table_states_protocol_radius_rule_and_g(scene):
     result = aligned(scene, "--labels", f"synonyms:{scene / 'words.json'}")
     assert result.exit_code == 0
-    words = ("landmarks/1", "radius 0.2 m", f"labels synonyms:{scene / 'words.json'}", "G = 3 objects", "3 stable", "1 tentative")
-    for text in (*words, "precision 0.667  recall 0.667  F1 0.667  false positives 1", "cup-1 (cup) = landmark 0 (mug), 0.050 m"):
+    words = ("landmarks/1", "radius 0.2 m", f"labels synonyms:{scene / 'words.json'}", "G = 3 objects", "3 stable", "1 tentative or lost")
+    for text in (
+        *words,
+        "precision 0.667  recall 0.667  F1 0.667  false positives 1: duplicates 0, ghosts 0, false 1",
+        "cup-1 (cup) = landmark 0 (mug), 0.050 m",
+    ):
         assert text in result.output
     assert "tv?[2J" in result.output
     assert "\x1b" not in result.output
@@ -77,6 +82,47 @@ def test_landmarks_json(scene):
     assert [gone["object_id"] for gone in content["missing_list"]] == ["cup-1", "tv-1"]
     assert content["alignment"]["rmse_m"] < 1e-6
     np.testing.assert_allclose(content["alignment"]["T_truth_estimate"], T_TRUTH_MAP, atol=1e-6)
+
+
+def test_every_g_and_every_class_are_in_the_table(scene):
+    truth = json.loads((scene / "truth.json").read_text())
+    for item, seen in zip(truth["objects"], (9, 2, 9), strict=True):
+        item["visible_keyframes"] = seen
+    truth["timeline"] = [{"timestamp_s": 1, "event": "removed", "id": "vase-1", "label": "vase", "center": [0.5, 0.5, 1]}]
+    (scene / "truth.json").write_text(json.dumps(truth))
+    lines = [" ".join(line.split()) for line in aligned(scene, "--truth-count", "4").output.splitlines()]
+    assert "all objects 3 3 1 0.333 0.333 0.333" in lines
+    assert "in view for 5 keyframes 2 2 0 0.000 0.000 0.000" in lines
+    assert "as given 4 3 1 0.333 0.250 0.286" in lines
+    assert "radius matched precision recall F1 F1, in view" in lines
+    assert "0.2 1 0.333 0.333 0.333 0.000" in lines
+    assert "class objects matched missing duplicates ghosts false" in lines
+    assert "book 1 1 0 0 0 0" in lines
+    assert "(no class of the truth) 0 0 0 0 0 2" in lines
+    content = json.loads(aligned(scene, "--truth-count", "4", "--json").output)
+    assert (content["given"]["objects"], content["visible"]["objects"], content["visible"]["landmarks"]) == (4, 2, 2)
+    assert content["per_class"][0] == {
+        **{"label": "book", "objects": 1, "matched": 1, "missing": 0, "duplicates": 0, "ghosts": 0, "false": 0, "landmarks": 1}
+    }
+    with pytest.raises(EvaluationError, match="truth_count: got 1"):
+        aligned(scene, "--labels", "geometry", "--truth-count", "1")
+
+
+def test_pictures_of_truth_and_map(scene):
+    write_trajectory(scene / "map/trajectory.txt", read_trajectory(scene / "estimate.txt"))
+    result = aligned(scene, "--report", scene / "map/evaluation.html", "--svg", scene / "e.svg")
+    assert result.exit_code == 0
+    assert str(scene / "e.svg") in result.output
+    page = (scene / "map/evaluation.html").read_text()
+    assert "map against truth.json" in page
+    assert "\x1b" not in page
+    svg = ET.parse(scene / "e.svg").getroot()
+    path = next(node for node in svg.iter() if node.get("class") == "path")
+    assert len(path.get("points").split()) == 30
+    # The path lies in the true world, as the landmarks do: both are moved by the alignment.
+    assert any("book-1" in (node.text or "") for node in svg.iter("{http://www.w3.org/2000/svg}title"))
+    with pytest.raises(ConfigError, match=r"--svg .*cannot be written"):
+        aligned(scene, "--svg", scene / "nowhere/e.svg")
 
 
 def test_without_alignment_the_worlds_differ(scene):

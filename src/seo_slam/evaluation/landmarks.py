@@ -64,7 +64,7 @@ def evaluate_landmarks(
         distance_m.shape
     )
     scores = {
-        radius: _score(radius, truth, *_matches(distance_m, agree, truth, radius), truth_count) for radius in {*SWEPT_RADII_M, radius_m}
+        radius: _score(radius, truth, *_matches(distance_m, agree, truth, radius), truth_count) for radius in sorted({*SWEPT_RADII_M, radius_m})
     }
     allowed, pairs = _matches(distance_m, agree, truth, radius_m)
     matched_rows, matched_objects = {row for row, _ in pairs}, {column for _, column in pairs}

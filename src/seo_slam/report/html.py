@@ -1,10 +1,6 @@
 """Writes the report of a run: one HTML file that needs no network and no other file."""
 
-import base64
-import hashlib
-import os
 from collections.abc import Mapping, Sequence
-from importlib import resources
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -13,9 +9,10 @@ import numpy as np
 from seo_slam.records import Trajectory
 from seo_slam.report import sections
 from seo_slam.report.crops import ReportRecorder
-from seo_slam.report.escaping import escaped, script_json
+from seo_slam.report.escaping import escaped
 from seo_slam.report.landmark_table import LabelColours, TableContext, landmark_table, sigma_m
 from seo_slam.report.map_svg import NARROW, WIDE, Scene, make_scene, render_map
+from seo_slam.report.page import document, section, write_whole
 from seo_slam.report.run_facts import RunFacts, read_run
 from seo_slam.types import Landmark
 
@@ -61,11 +58,7 @@ def write_report(
     Raises:
         OSError: the file cannot be written.
     """
-    target = Path(path)
-    page = render_report(map=map, trajectory=trajectory, recorder=recorder, run=run)
-    unfinished = target.with_name(target.name + ".part")
-    unfinished.write_text(page, encoding="utf-8", newline="\n")
-    os.replace(unfinished, target)
+    write_whole(path, render_report(map=map, trajectory=trajectory, recorder=recorder, run=run))
 
 
 def render_report(*, map: ReportedMap, trajectory: Trajectory, recorder: ReportRecorder | None, run: Mapping[str, Any]) -> str:
@@ -84,23 +77,19 @@ def render_report(*, map: ReportedMap, trajectory: Trajectory, recorder: ReportR
         sections.facts_tiles(facts, len(stable), len(tentative), duration_s, length_m),
         _map_section(scene, context.colours, len(tentative)),
         _landmark_section(stable, tentative, context),
-        _section("times", "Time per stage", sections.stage_bars(facts.stages)),
-        _section("warnings", "Warnings", sections.warning_list(facts.warnings)),
-        _section("events", "Events of the map", sections.event_list(facts.event_counts, facts.events, start_s, ids)),
-        _section("settings", "Settings and versions", sections.settings_and_versions(facts, map.embedder)),
+        section("times", "Time per stage", sections.stage_bars(facts.stages)),
+        section("warnings", "Warnings", sections.warning_list(facts.warnings)),
+        section("events", "Events of the map", sections.event_list(facts.event_counts, facts.events, start_s, ids)),
+        section("settings", "Settings and versions", sections.settings_and_versions(facts, map.embedder)),
     )
     data = _page_data(map, trajectory, context, facts, scene, {"duration_s": duration_s, "path_length_m": length_m})
-    return _document(f"{name}: map of things", "".join(main), data)
+    return document(f"{name}: map of things", "".join(main), data)
 
 
 def _time_span(trajectory: Trajectory, landmarks: Sequence[Landmark]) -> tuple[float, float]:
     stamps = [*trajectory.timestamps_s[[0, -1]]] if len(trajectory) else []
     stamps += [s for m in landmarks for s in (m.first_seen_s, m.last_seen_s) if np.isfinite(s)]
     return (float(min(stamps)), float(max(stamps))) if stamps else (0.0, 0.0)
-
-
-def _section(name: str, title: str, body: str) -> str:
-    return f'<section id="{name}-section"><h2>{title}</h2>{body}</section>'
 
 
 def _header(facts: RunFacts, name: str) -> str:
@@ -125,7 +114,7 @@ def _map_section(scene: Scene, colours: LabelColours, tentative: int) -> str:
         '<span><i class="key start"></i>start</span><span><i class="key end"></i>end</span></p>'
         f"{left_out}"
     )
-    return _section("map", "Map", body)
+    return section("map", "Map", body)
 
 
 def _landmark_section(stable: Sequence[Landmark], tentative: Sequence[Landmark], context: TableContext) -> str:
@@ -139,7 +128,7 @@ def _landmark_section(stable: Sequence[Landmark], tentative: Sequence[Landmark],
     if tentative:
         title = f"{len(tentative)} tentative: not seen often or long enough yet"
         body += sections.folded(title, landmark_table(tentative, "tentative", context))
-    return _section("landmarks", "Landmarks", body)
+    return section("landmarks", "Landmarks", body)
 
 
 def _landmark_data(m: Landmark, context: TableContext) -> dict[str, Any]:
@@ -185,25 +174,3 @@ def _page_data(
         "peak_memory_mb": facts.peak_memory_mb,
         "complete": facts.complete,
     }
-
-
-def _document(title: str, main: str, data: Mapping[str, Any]) -> str:
-    style, script = _packaged("report.css"), _packaged("report.js")
-    digest = base64.b64encode(hashlib.sha256(script.encode("utf-8")).digest()).decode("ascii")
-    # Should an escape ever be missed, the browser still runs no script but ours and loads nothing from anywhere.
-    policy = (
-        f"default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'sha256-{digest}'; base-uri 'none'; form-action 'none'"
-    )
-    return (
-        '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
-        f'<meta http-equiv="Content-Security-Policy" content="{policy}">'
-        '<meta name="viewport" content="width=device-width, initial-scale=1"><meta name="color-scheme" content="light dark">'
-        f'<title>{escaped(title)}</title><link rel="icon" href="data:,"><style>{style}</style></head>\n'
-        f"<body><main>{main}</main>\n"
-        f'<script type="application/json" id="report-data">{script_json(data)}</script>\n'
-        f"<script>{script}</script></body></html>\n"
-    )
-
-
-def _packaged(name: str) -> str:
-    return resources.files("seo_slam.report").joinpath(name).read_text(encoding="utf-8")
