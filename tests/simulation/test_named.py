@@ -1,6 +1,7 @@
 """Worlds by name."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -9,7 +10,9 @@ from seo_slam.errors import ConfigError, DatasetError, MissingBackendError
 from seo_slam.simulation import named, rendering
 from seo_slam.simulation.inventories import inventory
 from seo_slam.simulation.manifest import manifest_of
+from seo_slam.simulation.mesh_library import MeshLibrary
 from seo_slam.simulation.named import NAMES, known_name, simulate
+from seo_slam.simulation.scene import Scene
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -30,16 +33,17 @@ def test_a_room(changes: bool) -> None:
     assert bool(room.scene.changes) == changes
 
 
-def test_models_of_a_mesh_folder_are_named_with_their_licences(shared: Path) -> None:
-    pytest.importorskip("embreex")
-    room = simulate("SM2", seed=1, meshes=shared / "meshes", frames=2, width=64, height=48)
-    manifest = manifest_of(room)
-    assert manifest["renderer"] == "embree"
-    models = {row["model"] for row in manifest["things"] if "model" in row}
-    assert models
-    assert models <= set(manifest["models"])
-    assert all(entry["licence"] for entry in manifest["models"].values())
-    assert str(shared) not in json.dumps(manifest)
+def test_models_of_a_mesh_folder_are_named_with_their_licences(tmp_path: Path) -> None:
+    model = {"file": "a.glb", "label": "cup", "kind": "volatile", "size": [1, 1, 1], "licence": "CC BY 4.0", "creator": "somebody"}
+    (tmp_path / "manifest.json").write_text(json.dumps([{**model, "name": name} for name in ("cup_a", "cup_b")]))
+    desk = simulate("desk", frames=2)
+    things = (replace(desk.scene.start.things[0], model="cup_b"), *desk.scene.start.things[1:])
+    desk.scene = Scene(replace(desk.scene.start, things=things))
+    desk.meshes = MeshLibrary(tmp_path)
+    manifest = manifest_of(desk)
+    assert manifest["models"] == {"cup_b": {"licence": "CC BY 4.0", "creator": "somebody"}}
+    assert manifest["things"][0]["model"] == "cup_b"
+    assert str(tmp_path) not in json.dumps(manifest)
 
 
 @pytest.mark.parametrize(

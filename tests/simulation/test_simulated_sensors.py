@@ -1,10 +1,13 @@
 """Noise of the simulated depth camera and odometry, against its own statement."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
 from seo_slam.errors import ConfigError
-from seo_slam.geometry import inverse, log
+from seo_slam.geometry import exp, inverse, log
+from seo_slam.records import Trajectory
 from seo_slam.simulation.sensors import SensorKnobs, axial_sigma_m, depth_edges, drifting_odometry, sense_depth
 from seo_slam.simulation.trajectory import swaying_arc
 
@@ -77,6 +80,19 @@ def test_odometry_drifts_as_a_random_walk() -> None:
     spread = np.std(twists, axis=0)
     assert spread[:3] == pytest.approx(np.radians(0.6), rel=0.06)
     assert spread[3:] == pytest.approx(0.012, rel=0.06)
+
+
+def test_odometry_may_drift_by_turning_on_the_spot() -> None:
+    turn = exp(np.array([0.0, 0.1, 0.0, 0.0, 0.0, 0.0]))
+    poses = [np.eye(4)]
+    for _ in range(200):
+        poses.append(poses[-1] @ turn)
+    truth = Trajectory(np.arange(201.0), np.stack(poses))
+    assert np.allclose(drifting_odometry(truth, SensorKnobs.at_level(1.0), 0).T_world_camera, truth.T_world_camera)
+    drifted = drifting_odometry(truth, SensorKnobs(turn_drift_deg=2.0), 0).T_world_camera
+    twists = [log(inverse(turn) @ inverse(a) @ b) / np.sqrt(0.1) for a, b in pairwise(drifted)]
+    assert np.std(twists, axis=0)[:3] == pytest.approx(np.radians(2.0), rel=0.2)
+    assert np.abs(drifted[:, :3, 3]).max() < 1e-9
 
 
 def test_perfect_odometry() -> None:

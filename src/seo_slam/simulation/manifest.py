@@ -7,7 +7,7 @@ from typing import Any
 import cv2
 
 from seo_slam.simulation.simulated_recording import SimulatedRecording
-from seo_slam.simulation.world import Thing
+from seo_slam.simulation.world import STRUCTURE_ID, Thing
 
 MANIFEST_SCHEMA = "seo_slam.simulation/1"
 _PACKAGES = ("seo-slam", "numpy", "scipy", "trimesh", "embreex")
@@ -38,7 +38,9 @@ def manifest_of(recording: SimulatedRecording) -> dict[str, Any]:
 
 
 def _described(thing: Thing) -> dict[str, Any]:
-    row: dict[str, Any] = {"id": thing.id, "label": thing.label, "kind": thing.kind}
+    row: dict[str, Any] = {"label": thing.label}
+    if thing.id != STRUCTURE_ID:
+        row = {"id": thing.id, **row, "kind": thing.kind}
     return {**row, "model": thing.model} if thing.model else row
 
 
