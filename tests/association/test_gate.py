@@ -8,7 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import chi2
 
-from seo_slam.association.costs import mahalanobis, predicted_measurements, within_reach
+from seo_slam.association.candidates import candidate_rows, near_camera, possible_pairs
+from seo_slam.association.costs import mahalanobis, predicted_measurements
 from seo_slam.association.two_stage import TwoStageAssociator
 from seo_slam.config import AssociationSettings
 from seo_slam.geometry import exp, inverse, transform_points
@@ -137,7 +138,8 @@ def test_empty_inputs_have_empty_shapes():
     for seen, marks in ((nothing, known), (one, none), (nothing, none)):
         arrays = mahalanobis(seen, marks, *predicted_measurements(estimate, marks))
         assert [a.shape for a in arrays] == [(len(seen), len(marks))] * 2
-        assert within_reach(seen, marks, estimate, 6.0, THRESHOLD).shape == (len(seen), len(marks))
+        assert len(candidate_rows(seen, marks, estimate, 6.0, THRESHOLD)) == 0
+        assert [len(rows) for rows in possible_pairs(seen, marks, *predicted_measurements(estimate, marks), THRESHOLD)] == [0, 0]
 
 
 # --- who may be left out before the joint covariance is asked for ----------------------------------------------------------------
@@ -158,10 +160,20 @@ def test_nothing_that_would_pass_the_gate_is_left_out(seed, spread_m, pose_sigma
     cut = rng.integers(0, 2, (4, 4)).astype(bool)
     seen = replace(seen, cov_camera=np.array([a @ a.T * 1e-3 + 1e-5 * np.eye(3) for a in rng.normal(size=(4, 3, 3))]), truncated=cut)
     known = replace(known, cov_world=joint[6:, 6:].reshape(count, 3, count, 3)[np.arange(count), :, np.arange(count), :])
-    near = within_reach(seen, known, estimate, 6.0, THRESHOLD)
-    squared, _ = mahalanobis(seen, known, *predicted_measurements(estimate, known))
-    passes = squared < THRESHOLD
-    assert not (passes & ~near).any()
+    predicted = predicted_measurements(estimate, known)
+    passes = mahalanobis(seen, known, *predicted)[0] < THRESHOLD
+    assert set(np.flatnonzero(passes.any(axis=0))) <= set(candidate_rows(seen, known, estimate, 6.0, THRESHOLD))
+    possible = np.zeros_like(passes)
+    possible[possible_pairs(seen, known, *predicted, THRESHOLD)] = True
+    assert not (passes & ~possible).any()
+
+
+@given(seed=st.integers(0, 2**31), reach_m=st.floats(0.1, 8.0))
+def test_near_the_camera_means_just_that(seed, reach_m):
+    rng = np.random.default_rng(seed)
+    p_world, T = rng.uniform(-6, 6, (200, 3)), exp(rng.normal(size=6))
+    wanted = np.flatnonzero(np.linalg.norm(p_world - T[:3, 3], axis=1) < reach_m)
+    assert near_camera(p_world, T, reach_m).tolist() == wanted.tolist()
 
 
 def test_far_landmarks_are_left_out_and_never_asked_for():

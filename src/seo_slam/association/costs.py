@@ -3,8 +3,8 @@
 import numpy as np
 
 from seo_slam.geometry import FloatArray
-from seo_slam.perception.cut_boxes import SIZE_SIGMA_SHARE, SLOPE_SIGMA, completed
-from seo_slam.types import BoolArray, Estimate, Landmarks, Observations
+from seo_slam.perception.cut_boxes import completed
+from seo_slam.types import Estimate, IntArray, Landmarks, Observations
 
 
 def predicted_measurements(estimate: Estimate, landmarks: Landmarks) -> tuple[FloatArray, FloatArray]:
@@ -23,26 +23,22 @@ def predicted_measurements(estimate: Estimate, landmarks: Landmarks) -> tuple[Fl
     if n == 0:
         return p_camera, np.zeros((0, 3, 3))
     joint = estimate.joint_covariance(landmarks.ids)
-    pose = joint[:6, :6]
-    cross = joint[:6, 6:].reshape(6, n, 3).transpose(1, 0, 2)  # (N, 6, 3)
-    blocks = joint[6:, 6:].reshape(n, 3, n, 3)
-    own = blocks[np.arange(n), :, np.arange(n), :]  # (N, 3, 3)
-    H = np.zeros((n, 3, 6))
+    index = np.empty((n, 9), dtype=np.int64)  # of the pose and one landmark each
+    index[:, :6], index[:, 6:] = np.arange(6), 6 + 3 * np.arange(n)[:, None] + np.arange(3)
+    sigma = joint[index[:, :, None], index[:, None, :]]
+    H = np.zeros((n, 3, 9))
     H[:, 0, 1], H[:, 0, 2] = -p_camera[:, 2], p_camera[:, 1]
     H[:, 1, 0], H[:, 1, 2] = p_camera[:, 2], -p_camera[:, 0]
     H[:, 2, 0], H[:, 2, 1] = -p_camera[:, 1], p_camera[:, 0]
-    H[:, :, 3:] = -np.eye(3)
-    mixed = H @ cross @ R
-    cov = H @ pose @ H.transpose(0, 2, 1) + mixed + mixed.transpose(0, 2, 1) + R.T @ own @ R
+    H[:, :, 3:6], H[:, :, 6:] = -np.eye(3), R.T
+    cov = H @ sigma @ H.transpose(0, 2, 1)
     return p_camera, np.asarray(0.5 * (cov + cov.transpose(0, 2, 1)), dtype=np.float64)
 
 
 def mahalanobis(
     observations: Observations, landmarks: Landmarks, predicted: FloatArray, predicted_cov: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Compare every observation with every predicted landmark.
-
-    A box cut by the image border is first completed by the landmark's usual size, see ``perception.cut_boxes``.
+    """Compare every observation with every predicted landmark; ``mahalanobis_of_pairs`` is for chosen ones.
 
     Args:
         observations: K rows.
@@ -53,47 +49,44 @@ def mahalanobis(
     Returns:
         ``D^2`` (K, N) of Eq 7 under ``C = H Sigma H^T + Gamma`` (Eq 4), and ``log |2 pi C|`` (K, N), the normaliser of Eq 6.
     """
-    if len(observations) == 0 or len(predicted) == 0:
-        empty = np.zeros((len(observations), len(predicted)))
-        return empty, empty.copy()
-    p_camera, gamma = completed(
-        observations.p_camera[:, None],
-        observations.cov_camera[:, None],
-        observations.size_m[:, None],
-        observations.truncated[:, None],
-        landmarks.across_m[None],
-    )
-    C = predicted_cov[None] + gamma
-    innovation = p_camera - predicted[None]
-    solved = np.linalg.solve(C, innovation[..., None])[..., 0]
-    squared = np.einsum("kni,kni->kn", innovation, solved)
-    return np.asarray(squared, dtype=np.float64), np.asarray(np.linalg.slogdet(2.0 * np.pi * C)[1], dtype=np.float64)
+    shape = len(observations), len(predicted)
+    rows, columns = np.indices(shape).reshape(2, -1)
+    squared, log_det = mahalanobis_of_pairs(observations, landmarks, predicted, predicted_cov, rows, columns)
+    return squared.reshape(shape), log_det.reshape(shape)
 
 
-def within_reach(
-    observations: Observations, landmarks: Landmarks, estimate: Estimate, search_distance_m: float, threshold: float
-) -> BoolArray:
-    """Return (K, N) bool: pairs that could pass the gate; only landmarks in one of them need the dear joint covariance.
+def mahalanobis_of_pairs(
+    observations: Observations,
+    landmarks: Landmarks,
+    predicted: FloatArray,
+    predicted_cov: FloatArray,
+    rows: IntArray,
+    columns: IntArray,
+) -> tuple[FloatArray, FloatArray]:
+    """Compare observations with predicted landmarks, pair by pair.
 
-    A landmark must lie within the search distance of the camera (III-B), and nearer to the observation than the gate's radius under
-    the uncertainties of observation, pose and landmark, each taken in its worst direction and added up.
+    A box cut by the image border is first completed by the landmark's usual size, see ``perception.cut_boxes``.
+
+    Args:
+        observations: K rows.
+        landmarks: N rows.
+        predicted: (N, 3) camera frame.
+        predicted_cov: (N, 3, 3) ``H Sigma H^T``.
+        rows: (P,) the observation of each pair.
+        columns: (P,) its landmark.
+
+    Returns:
+        ``D^2`` (P,) and ``log |2 pi C|`` (P,), as of ``mahalanobis``.
     """
-    if len(observations) == 0 or len(landmarks) == 0:
-        return np.zeros((len(observations), len(landmarks)), dtype=np.bool_)
-    R = estimate.T_world_camera[:3, :3]
-    p_camera = (landmarks.p_world - estimate.T_world_camera[:3, 3]) @ R
-    range_m = np.linalg.norm(p_camera, axis=1)
-    pose = estimate.covariance
-    pose_sigma = _worst_sigma(pose[3:, 3:]) + range_m * _worst_sigma(pose[:3, :3])
-    own_sigma = _worst_sigma(observations.cov_camera)
-    distance = np.linalg.norm(observations.p_camera[:, None] - p_camera[None], axis=2)
-    sigma = own_sigma[:, None] + (pose_sigma + _worst_sigma(landmarks.cov_world))[None]
-    cut = np.any(observations.truncated, axis=1, keepdims=True)
-    unseen_m = np.where(cut, 0.5 * np.linalg.norm(landmarks.across_m, axis=1)[None], 0.0)  # how far completing a cut box may shift it
-    reach = np.sqrt(threshold) * (sigma + (SLOPE_SIGMA + SIZE_SIGMA_SHARE) * unseen_m) + unseen_m
-    return np.asarray((range_m < search_distance_m) & (distance < reach), dtype=np.bool_)
-
-
-def _worst_sigma(covariance: FloatArray) -> FloatArray:
-    """Standard deviation in the worst direction of covariances (..., 3, 3)."""
-    return np.asarray(np.sqrt(np.linalg.eigvalsh(covariance)[..., -1]), dtype=np.float64)
+    p_camera, gamma = observations.p_camera[rows], observations.cov_camera[rows]
+    cut = np.any(observations.truncated, axis=1)[rows]
+    if cut.any():
+        k, n = rows[cut], columns[cut]
+        p_camera[cut], gamma[cut] = completed(
+            p_camera[cut], gamma[cut], observations.size_m[k], observations.truncated[k], landmarks.across_m[n]
+        )
+    C = predicted_cov[columns] + gamma
+    innovation = p_camera - predicted[columns]
+    solved = np.linalg.solve(C, innovation[:, :, None])[:, :, 0]
+    squared = np.einsum("pi,pi->p", innovation, solved)
+    return np.asarray(squared, dtype=np.float64), np.asarray(np.linalg.slogdet(2.0 * np.pi * C)[1], dtype=np.float64)

@@ -32,6 +32,8 @@ SHARES_WORD = 0.025
 SAME_WORD = math.log(KEEPS_WORD / SHARES_WORD)
 """Log likelihood ratio of a word with itself, 3.0; no two words have more."""
 
+SAME_WORD_RATIO = math.exp(SAME_WORD)
+
 OTHER_WORD = math.log((1.0 - KEEPS_WORD) / (1.0 - SHARES_WORD))
 """Log likelihood ratio, -0.67, of the words being different ones, whichever they are."""
 
@@ -69,7 +71,11 @@ class LabelLikelihood:
         """
         if not label or not distribution:
             return 0.0
-        mean = sum(weight * self._ratio(label, word) for word, weight in distribution.items()) / sum(distribution.values())
+        votes = total = 0.0
+        for word, weight in distribution.items():
+            votes += weight * (SAME_WORD_RATIO if word == label else self._ratio(label, word))
+            total += weight
+        mean = votes / total
         return math.log((1 - MISTAKE_SHARE) * mean + MISTAKE_SHARE)
 
     def between(self, a: Mapping[str, float], b: Mapping[str, float]) -> float:
@@ -80,8 +86,6 @@ class LabelLikelihood:
         return math.log(mean)
 
     def _ratio(self, a: str, b: str) -> float:
-        if a == b:
-            return math.exp(SAME_WORD)
         key = (a, b) if a < b else (b, a)
         if key not in self._ratios:
             self._ratios[key] = self._ratio_of_different(*key)

@@ -3,7 +3,8 @@
 import numpy as np
 from scipy.stats import chi2
 
-from seo_slam.association.costs import mahalanobis, predicted_measurements, within_reach
+from seo_slam.association.candidates import candidate_rows, possible_pairs
+from seo_slam.association.costs import mahalanobis_of_pairs, predicted_measurements
 from seo_slam.config import AssociationSettings
 from seo_slam.interfaces import Associator
 from seo_slam.types import NEW, Association, Estimate, Landmarks, Observations
@@ -19,16 +20,16 @@ class NearestAssociator(Associator):
 
     def associate(self, observations: Observations, landmarks: Landmarks, estimate: Estimate) -> Association:
         """See ``interfaces.Associator``."""
-        pairs = within_reach(observations, landmarks, estimate, self._settings.search_distance_m, self._threshold)
-        candidates = landmarks[np.any(pairs, axis=0)]
-        squared, _ = mahalanobis(observations, candidates, *predicted_measurements(estimate, candidates))
+        near = landmarks[candidate_rows(observations, landmarks, estimate, self._settings.search_distance_m, self._threshold)]
+        predicted = predicted_measurements(estimate, near)
+        rows, columns = possible_pairs(observations, near, *predicted, self._threshold)
+        squared, _ = mahalanobis_of_pairs(observations, near, *predicted, rows, columns)
         ids = np.full(len(observations), NEW, dtype=np.int64)
         costs = np.full(len(observations), np.nan)
         taken: set[int] = set()
-        rows, columns = np.nonzero(squared < self._threshold)
-        for pair in np.argsort(squared[rows, columns], kind="stable"):
+        for pair in np.argsort(squared, kind="stable"):
             k, n = int(rows[pair]), int(columns[pair])
-            if ids[k] == NEW and n not in taken:
-                ids[k], costs[k] = candidates.ids[n], squared[k, n]
+            if squared[pair] < self._threshold and ids[k] == NEW and n not in taken:
+                ids[k], costs[k] = near.ids[n], squared[pair]
                 taken.add(n)
         return Association(landmark_ids=ids, costs=costs)

@@ -1,11 +1,13 @@
 """SEO-SLAM's data association: a geometric gate, then a semantic one, then one assignment (III-B)."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.stats import chi2
 
-from seo_slam.association.costs import mahalanobis, predicted_measurements, within_reach
+from seo_slam.association.candidates import candidate_rows, possible_pairs
+from seo_slam.association.costs import mahalanobis_of_pairs, predicted_measurements
 from seo_slam.association.label_likelihood import LabelLikelihood
 from seo_slam.config import AssociationSettings
 from seo_slam.geometry import FloatArray
@@ -55,48 +57,58 @@ class TwoStageAssociator(Associator):
 
     def associate(self, observations: Observations, landmarks: Landmarks, estimate: Estimate) -> Association:
         """See ``interfaces.Associator``."""
-        pairs = within_reach(observations, landmarks, estimate, self._settings.search_distance_m, self._threshold)
-        candidates = landmarks[np.any(pairs, axis=0)]
-        gate = self.gate(observations, candidates, estimate)
+        near = landmarks[candidate_rows(observations, landmarks, estimate, self._settings.search_distance_m, self._threshold)]
+        gate = self.gate(observations, near, estimate)
         columns = self._assign(gate)
         ids = np.full(len(observations), NEW, dtype=np.int64)
         costs = np.full(len(observations), np.nan)
-        matched = np.less(columns, len(candidates))
-        ids[matched] = candidates.ids[columns[matched]]
-        costs[matched] = gate.cost[np.flatnonzero(matched), columns[matched]]
+        matched = np.flatnonzero(columns < len(near))
+        ids[matched] = near.ids[columns[matched]]
+        costs[matched] = gate.cost[matched, columns[matched]]
         ids[doubles(observations, gate.allowed, columns)] = REJECTED
         return Association(landmark_ids=ids, costs=costs)
 
     def gate(self, observations: Observations, candidates: Landmarks, estimate: Estimate) -> Gate:
         """Test every pair: first chi-square (Eq 7), then semantics."""
-        predicted, predicted_cov = predicted_measurements(estimate, candidates)
-        squared, log_det = mahalanobis(observations, candidates, predicted, predicted_cov)
-        allowed: BoolArray = np.less(squared, self._threshold)
+        predicted = predicted_measurements(estimate, candidates)
+        rows, columns = possible_pairs(observations, candidates, *predicted, self._threshold)
+        squared, log_det = mahalanobis_of_pairs(observations, candidates, *predicted, rows, columns)
+        passed = squared < self._threshold
+        rows, columns, squared, log_det = rows[passed], columns[passed], squared[passed], log_det[passed]
+        shape = len(observations), len(candidates)
         if self._settings.semantic_gate == "none":
-            return Gate(allowed, squared, self._threshold)
+            return _gate_of_pairs(shape, rows, columns, squared, self._threshold)
+        labels = [(observations.labels[k], candidates.labels[n]) for k, n in zip(rows.tolist(), columns.tolist(), strict=True)]
         if self._settings.semantic_gate == "cosine":
-            similar = observations.embeddings @ candidates.embeddings.T > self._settings.cosine_threshold
-            named = np.array([bool(label) for label in observations.labels], dtype=np.bool_)[:, None]
-            named = named & np.array([bool(words) for words in candidates.labels], dtype=np.bool_)[None, :]
-            return Gate(allowed & (similar | ~named), squared, self._threshold)
+            similar = (observations.embeddings @ candidates.embeddings.T)[rows, columns] > self._settings.cosine_threshold
+            unnamed = np.array([not label or not words for label, words in labels], dtype=np.bool_)
+            passed = similar | unnamed
+            return _gate_of_pairs(shape, rows[passed], columns[passed], squared[passed], self._threshold)
         # Eq 6 with its normaliser, against another thing being there: what a pair gains over a new landmark.
-        log_odds = self._semantic(observations, candidates, allowed) - 0.5 * (squared + log_det) - np.log(CLUTTER_PER_M3)
-        return Gate(allowed & np.greater(log_odds, 0.0), -2.0 * log_odds, 0.0)
-
-    def _semantic(self, observations: Observations, landmarks: Landmarks, pairs: BoolArray) -> FloatArray:
-        """(K, N) log likelihood ratios of the labels of the given pairs, 0 elsewhere."""
-        out = np.zeros(pairs.shape)
-        for k, n in zip(*np.nonzero(pairs), strict=True):
-            out[k, n] = self._likelihood.log_ratio(observations.labels[k], landmarks.labels[n])
-        return out
+        semantic = np.array([self._likelihood.log_ratio(label, words) for label, words in labels], dtype=np.float64)
+        log_odds = semantic - 0.5 * (squared + log_det) - math.log(CLUTTER_PER_M3)
+        passed = log_odds > 0.0
+        return _gate_of_pairs(shape, rows[passed], columns[passed], -2.0 * log_odds[passed], 0.0)
 
     def _assign(self, gate: Gate) -> IntArray:
-        """Solve the K x (N+K) problem: landmark columns, then one private dummy column an observation."""
+        """Return (K,) the column of each observation, N or more for none.
+
+        Solves the K x (N+K) problem: landmark columns, then one private dummy column an observation. A landmark that is allowed to
+        nobody cannot be in the optimum, so its column is left out.
+        """
         K, N = gate.allowed.shape
-        cost = np.full((K, N + K), FORBIDDEN)
-        cost[:, :N][gate.allowed] = gate.cost[gate.allowed]
-        cost[np.arange(K), N + np.arange(K)] = gate.dummy_cost
-        return self._solver.solve(cost)
+        wanted = np.flatnonzero(gate.allowed.any(axis=0))
+        cost = np.full((K, len(wanted) + K), FORBIDDEN)
+        cost[:, : len(wanted)] = np.where(gate.allowed[:, wanted], gate.cost[:, wanted], FORBIDDEN)
+        cost[np.arange(K), len(wanted) + np.arange(K)] = gate.dummy_cost
+        return np.concatenate([wanted, N + np.arange(K)])[self._solver.solve(cost)]
+
+
+def _gate_of_pairs(shape: tuple[int, int], rows: IntArray, columns: IntArray, costs: FloatArray, dummy_cost: float) -> Gate:
+    """Put pairs (P,) that passed, and their costs, into a gate of shape (K, N)."""
+    allowed, cost = np.zeros(shape, dtype=np.bool_), np.zeros(shape)
+    allowed[rows, columns], cost[rows, columns] = True, costs
+    return Gate(allowed, cost, dummy_cost)
 
 
 def doubles(observations: Observations, allowed: BoolArray, columns: IntArray) -> BoolArray:
@@ -106,11 +118,12 @@ def doubles(observations: Observations, allowed: BoolArray, columns: IntArray) -
     cups side by side have separate boxes and stay two.
     """
     K, N = allowed.shape
-    inside = containment(observations.boxes_px, observations.boxes_px) > SAME_BOX_CONTAINMENT
     out = np.zeros(K, dtype=np.bool_)
-    winners = np.flatnonzero(columns < N)
-    for k in np.flatnonzero(columns >= N):
-        out[k] = bool((allowed[k, columns[winners]] & inside[k, winners]).any())
+    winners, left = np.flatnonzero(columns < N), np.flatnonzero(columns >= N)
+    could = allowed[left[:, None], columns[winners]]
+    if could.any():
+        inside = containment(observations.boxes_px[left], observations.boxes_px[winners]) > SAME_BOX_CONTAINMENT
+        out[left] = np.any(could & inside, axis=1)
     return out
 
 

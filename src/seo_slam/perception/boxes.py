@@ -8,14 +8,16 @@ from seo_slam.types import BoolArray
 
 def areas(boxes_px: FloatArray) -> FloatArray:
     """Return (N,) areas in square pixels."""
-    return np.asarray(np.prod(np.clip(boxes_px[:, 2:] - boxes_px[:, :2], 0.0, None), axis=1), dtype=np.float64)
+    sides = np.maximum(boxes_px[:, 2:] - boxes_px[:, :2], 0.0)
+    return np.asarray(sides[:, 0] * sides[:, 1], dtype=np.float64)
 
 
 def intersections(a_px: FloatArray, b_px: FloatArray) -> FloatArray:
     """Return (N, M) areas shared by each box of ``a_px`` (N, 4) with each of ``b_px`` (M, 4)."""
     low = np.maximum(a_px[:, None, :2], b_px[None, :, :2])
     high = np.minimum(a_px[:, None, 2:], b_px[None, :, 2:])
-    return np.asarray(np.prod(np.clip(high - low, 0.0, None), axis=2), dtype=np.float64)
+    sides = np.maximum(high - low, 0.0)
+    return np.asarray(sides[..., 0] * sides[..., 1], dtype=np.float64)
 
 
 def iou(a_px: FloatArray, b_px: FloatArray) -> FloatArray:

@@ -36,24 +36,22 @@ def completed(
         Completed centres and covariances, of the broadcast shape.
     """
     shape = np.broadcast_shapes(p_camera.shape[:-1], across_m.shape[:-1])
-    p = np.broadcast_to(p_camera, (*shape, 3)).copy()
-    cov = np.broadcast_to(cov_camera, (*shape, 3, 3)).copy()
+    p, cov, whole_m = np.empty((*shape, 3)), np.empty((*shape, 3, 3)), np.empty((*shape, 2))
+    p[...], cov[...], whole_m[...] = p_camera, cov_camera, across_m
+    missing_m = whole_m - size_m
+    shifts = np.where(truncated[..., :2], -0.5, 0.5) * missing_m
+    incomplete = (truncated[..., :2] ^ truncated[..., 2:]) & (missing_m > 0)
     for axis in (0, 1):
-        low, high = truncated[..., axis], truncated[..., axis + 2]
-        missing_m = across_m[..., axis] - size_m[..., axis]
-        use = np.broadcast_to((low ^ high) & (missing_m > 0), shape)
-        shift = np.broadcast_to(np.where(low, -0.5, 0.5) * missing_m, shape)
-        p[..., axis] += np.where(use, shift, 0.0)
-        variance = np.broadcast_to((0.5 * SIZE_SIGMA_SHARE * across_m[..., axis]) ** 2, shape)
-        along = cov[..., axis, axis]
-        cov[..., axis, axis] = np.where(use, np.minimum(along, variance + cov[..., 2, 2] * _slope_squared(p, axis) + 1e-4), along)
-        cov[..., 2, 2] += np.where(use, (SLOPE_SIGMA * shift) ** 2, 0.0)
-        for other in (0, 1, 2):
-            if other != axis:  # the shrunken variance must not leave correlations behind that it cannot carry
-                cov[..., axis, other] = np.where(use, 0.0, cov[..., axis, other])
-                cov[..., other, axis] = np.where(use, 0.0, cov[..., other, axis])
+        use = incomplete[..., axis].nonzero()
+        if not len(use[0]):
+            continue
+        shift = shifts[..., axis][use]
+        whole, mine, centre = whole_m[..., axis][use], cov[use], p[use]
+        centre[:, axis] += shift
+        variance = (0.5 * SIZE_SIGMA_SHARE * whole) ** 2 + mine[:, 2, 2] * (centre[:, axis] / centre[:, 2]) ** 2 + 1e-4
+        along = np.minimum(mine[:, axis, axis], variance)
+        mine[:, axis, :] = mine[:, :, axis] = 0.0  # the shrunken variance must not leave correlations behind that it cannot carry
+        mine[:, axis, axis] = along
+        mine[:, 2, 2] += (SLOPE_SIGMA * shift) ** 2
+        p[use], cov[use] = centre, mine
     return p, cov
-
-
-def _slope_squared(p_camera: FloatArray, axis: int) -> FloatArray:
-    return np.asarray((p_camera[..., axis] / p_camera[..., 2]) ** 2, dtype=np.float64)
