@@ -124,13 +124,56 @@ def test_observations_of_a_merged_id_and_chains_of_merges_reach_the_survivor():
     assert recorder.crop(1).timestamp_s == 3.0
 
 
-def test_a_removed_landmark_gives_its_memory_back():
+def test_a_removed_landmark_that_was_never_stable_gives_its_memory_back():
     recorder = ReportRecorder()
-    watch(recorder, 1.0, [1], [LARGE])
+    watch(recorder, 1.0, [1], [LARGE], events=[MapEvent("created", 1)])
     assert recorder.crop_bytes > 0
     watch(recorder, 2.0, events=[MapEvent("removed", 1)])
     assert recorder.crop_bytes == 0
-    assert recorder.crop(1) is None
+    assert (recorder.crop(1), recorder.gone, recorder.life(1)) == (None, (), ())
+
+
+def kinds(recorder, landmark_id):
+    return [(item.timestamp_s, item.event.kind) for item in recorder.life(landmark_id)]
+
+
+def test_a_removed_thing_keeps_its_picture_and_its_life():
+    recorder = ReportRecorder()
+    watch(recorder, 1.0, [1, 2], [LARGE, SMALL], events=[MapEvent("created", 1), MapEvent("created", 2)])
+    for stamp_s, kind in ((2.0, "stable"), (3.0, "confirmed"), (4.0, "lost"), (5.0, "found"), (6.0, "lost"), (7.0, "removed")):
+        watch(recorder, stamp_s, events=[MapEvent(kind, 1, "cup")])
+    assert recorder.gone == (1,)
+    assert recorder.crop(1) is not None
+    assert [run.count for run in recorder.label_history(1)] == [1]
+    assert kinds(recorder, 1) == [(1.0, "created"), (2.0, "stable"), (4.0, "lost"), (5.0, "found"), (6.0, "lost"), (7.0, "removed")]
+    watch(recorder, 8.0, events=[MapEvent("found", 1, "cup")])  # a removal that was undone
+    assert recorder.gone == ()
+
+
+def test_a_merge_joins_lives():
+    recorder = ReportRecorder()
+    watch(recorder, 1.0, [1, 2], [LARGE, SMALL], events=[MapEvent("created", 1), MapEvent("created", 2)])
+    watch(recorder, 2.0, events=[MapEvent("stable", 2)])
+    watch(recorder, 3.0, events=[MapEvent("merged", 2, other_id=1)])
+    watch(recorder, 4.0, events=[MapEvent("removed", 1)])
+    assert kinds(recorder, 1) == [(1.0, "created"), (1.0, "created"), (2.0, "stable"), (3.0, "merged"), (4.0, "removed")]
+    assert recorder.gone == (1,)
+
+
+def test_lives_are_bounded_and_pictures_of_what_is_gone_go_first():
+    recorder = ReportRecorder(crop_budget_bytes=20_000)
+    watch(recorder, 0.0, [0, 1], [LARGE, LARGE], events=[MapEvent("stable", 0)])
+    for k in range(200):
+        watch(recorder, 1.0 + k, [0], [LARGE], events=[MapEvent("lost" if k % 2 else "found", 0)])
+    assert len(recorder.life(0)) == 64
+    assert recorder.life(0)[-1].timestamp_s == 200.0
+    watch(recorder, 300.0, events=[MapEvent("removed", 0)])
+    k = 1
+    while recorder.crop(0) is not None:  # it goes, though it was seen 200 times and the others once
+        k += 1
+        watch(recorder, 300.0 + k, [k], [LARGE])
+        assert k < 100
+    assert recorder.crop(k) is not None
 
 
 def test_pictures_stay_within_the_budget_and_the_least_seen_go_first():

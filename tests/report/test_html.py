@@ -141,7 +141,13 @@ def test_the_page_says_what_it_was_given():
     desk = make_desk(12, tentative=3)
     text, page, data = page_and_data(**desk.arguments)
     assert data["schema"] == "seo_slam.report/1"
-    assert data["counts"] == {"frames": 120, "keyframes": 40, "lost": 0, "stable": 9, "tentative": 3, "warnings": 10, "poses": 40}
+    assert data["counts"] == {
+        "frames": 120,
+        "keyframes": 40,
+        **{"stable": 9, "tentative": 3, "lost": 0, "gone": 0},
+        "warnings": 10,
+        "poses": 40,
+    }
     assert data["duration_s"] == pytest.approx(9.75)
     assert data["path_length_m"] == pytest.approx(1.5 * 2, rel=0.01)
     assert [m["id"] for m in data["landmarks"]] == [m.id for m in desk.map.landmarks]
@@ -200,7 +206,7 @@ def test_the_policy_allows_our_script_and_no_other():
 @pytest.mark.parametrize("gravity", ["recorded poses", "unknown"])
 def test_an_empty_map_gives_a_page_that_says_so(gravity):
     text, page, data = page_and_data(map=MadeUpMap(gravity=gravity), trajectory=EMPTY, recorder=None, run={})
-    assert data["counts"] == {"stable": 0, "tentative": 0, "warnings": 0, "poses": 0}
+    assert data["counts"] == {"stable": 0, "tentative": 0, "lost": 0, "gone": 0, "warnings": 0, "poses": 0}
     assert data["duration_s"] is None
     assert "holds no stable landmark" in text
     assert len(page.all("svg", id="map-wide")) == 1

@@ -14,6 +14,9 @@ from seo_slam.types import Frame
 LONGER_SIDE_PX = 160
 _JPEG_QUALITY = 82
 _PADDING_SHARE = 0.12
+_MOST_LIFE_EVENTS = 64
+_SURE = frozenset({"stable", "lost", "found", "moved"})  # what happens to a landmark only once it was stable
+_THERE = frozenset({"created", "stable", "found", "moved"})
 _HALF_VALUE_AREA_SHARE = 0.01  # a box of 1 % of the image is worth half of a very large one
 
 
@@ -52,6 +55,9 @@ class _Seen:
     crop: Crop | None = None
     observations: int = 0
     last_s: float = 0.0
+    life: list[RecordedEvent] = field(default_factory=list)
+    was_stable: bool = False
+    is_gone: bool = False
 
 
 def crop_value(score: float, truncated_sides: int, box_area_px: float, image_area_px: float) -> float:
@@ -130,6 +136,16 @@ class ReportRecorder:
         seen = self._seen.get(self._survivor(landmark_id))
         return seen.labels.runs if seen else ()
 
+    def life(self, landmark_id: int) -> tuple[RecordedEvent, ...]:
+        """What happened to a landmark (created, stable, lost, found, moved, merged, removed), in order of time, the newest 64."""
+        seen = self._seen.get(self._survivor(landmark_id))
+        return tuple(seen.life) if seen else ()
+
+    @property
+    def gone(self) -> tuple[int, ...]:
+        """Ids of landmarks that were stable once and were removed, by rising id. Their picture and history stay."""
+        return tuple(sorted(landmark_id for landmark_id, seen in self._seen.items() if seen.is_gone))
+
     def observe(self, frame: Frame, step: StepResult) -> None:
         """Take in one frame and what the pipeline made of it. Frames between keyframes cost nothing."""
         observations, ids = step.observations, step.landmark_ids
@@ -159,7 +175,7 @@ class ReportRecorder:
             self._drop_least_seen()
 
     def _drop_least_seen(self) -> None:
-        for seen in sorted(self._seen.values(), key=lambda s: (s.observations, s.last_s)):
+        for seen in sorted(self._seen.values(), key=lambda s: (not s.is_gone, s.observations, s.last_s)):
             if self._bytes <= 0.9 * self._budget_bytes:
                 return
             self._forget_crop(seen)
@@ -169,14 +185,34 @@ class ReportRecorder:
         seen.crop = None
 
     def _follow(self, event: MapEvent, step: StepResult) -> None:
-        self._events.append(RecordedEvent(step.timestamp_s, step.keyframe_id, event))
+        recorded = RecordedEvent(step.timestamp_s, step.keyframe_id, event)
+        self._events.append(recorded)
         self._event_counts[event.kind] += 1
         if event.kind == "merged" and event.other_id is not None:
             self._merge(event.landmark_id, event.other_id)
+            self._note(self._seen.setdefault(self._survivor(event.other_id), _Seen()), recorded)
         elif event.kind == "removed":
-            gone = self._seen.pop(event.landmark_id, None)
-            if gone:
-                self._forget_crop(gone)
+            self._remove(recorded)
+        elif event.kind in _THERE | _SURE:
+            seen = self._seen.setdefault(self._survivor(event.landmark_id), _Seen())
+            seen.was_stable |= event.kind in _SURE
+            seen.is_gone &= event.kind not in _THERE
+            self._note(seen, recorded)
+
+    def _note(self, seen: _Seen, event: RecordedEvent) -> None:
+        seen.life.append(event)
+        del seen.life[:-_MOST_LIFE_EVENTS]
+
+    def _remove(self, event: RecordedEvent) -> None:
+        seen = self._seen.get(event.event.landmark_id)
+        if seen is None:
+            return
+        if seen.was_stable:
+            seen.is_gone = True
+            self._note(seen, event)
+        else:  # nobody relied on it: most of these are false detections
+            self._forget_crop(seen)
+            del self._seen[event.event.landmark_id]
 
     def _merge(self, gone_id: int, kept_id: int) -> None:
         gone_id, kept_id = self._survivor(gone_id), self._survivor(kept_id)
@@ -188,6 +224,8 @@ class ReportRecorder:
             return
         kept = self._seen.setdefault(kept_id, _Seen())
         kept.labels.merge(gone.labels)
+        kept.life = sorted([*kept.life, *gone.life], key=lambda item: item.timestamp_s)[-_MOST_LIFE_EVENTS:]
+        kept.was_stable |= gone.was_stable
         kept.observations += gone.observations
         kept.last_s = max(kept.last_s, gone.last_s)
         if gone.crop and (kept.crop is None or gone.crop.value > kept.crop.value):

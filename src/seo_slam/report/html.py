@@ -10,7 +10,7 @@ from seo_slam.records import Trajectory
 from seo_slam.report import sections
 from seo_slam.report.crops import ReportRecorder
 from seo_slam.report.escaping import escaped
-from seo_slam.report.landmark_table import LabelColours, TableContext, landmark_table, sigma_m
+from seo_slam.report.landmark_table import LabelColours, TableContext, gone_table, landmark_table, last_name, sigma_m
 from seo_slam.report.map_svg import NARROW, WIDE, Scene, make_scene, render_map
 from seo_slam.report.page import document, section, write_whole
 from seo_slam.report.run_facts import RunFacts, read_run
@@ -71,10 +71,13 @@ def render_report(*, map: ReportedMap, trajectory: Trajectory, recorder: ReportR
     length_m = float(np.linalg.norm(np.diff(trajectory.T_world_camera[:, :3, 3], axis=0), axis=1).sum()) if len(trajectory) else 0.0
     duration_s = end_s - start_s if end_s > start_s else None
     name = sections.recording_name(facts)
-    ids = {str(m.id) for m in (*stable, *tentative)}
+    gone = recorder.gone if recorder else ()
+    ids = {str(i) for i in (*(m.id for m in (*stable, *tentative)), *gone)}
+    lost = sum(m.state == "lost" for m in tentative)
+    counts = {"stable": len(stable), "tentative": len(tentative) - lost, "lost": lost, "no longer there": len(gone)}
     main = (
         _header(facts, name),
-        sections.facts_tiles(facts, len(stable), len(tentative), duration_s, length_m),
+        sections.facts_tiles(facts, counts, duration_s, length_m),
         _map_section(scene, context.colours, len(tentative)),
         _landmark_section(stable, tentative, context),
         section("times", "Time per stage", sections.stage_bars(facts.stages)),
@@ -102,7 +105,11 @@ def _map_section(scene: Scene, colours: LabelColours, tentative: int) -> str:
     gone = ", ".join(f'<a href="#landmark-{i}">#{i}</a>' for i in scene.left_out[:40])
     more = f" and {len(scene.left_out) - 40} more" if len(scene.left_out) > 40 else ""
     left_out = f'<p class="dim">Too far away to be drawn with the others: {gone}{more}.</p>' if gone else ""
-    toggle = '<label><input type="checkbox" id="show-tentative" checked><i class="key tentative"></i>tentative</label>' if tentative else ""
+    toggle = (
+        '<label><input type="checkbox" id="show-tentative" checked><i class="key tentative"></i>tentative or lost</label>'
+        if tentative
+        else ""
+    )
     body = (
         f'<p class="dim">{escaped(scene.projection.caption, 300)} Touch a landmark for its details.</p>'
         f'<div id="map">'
@@ -117,7 +124,7 @@ def _map_section(scene: Scene, colours: LabelColours, tentative: int) -> str:
     return section("map", "Map", body)
 
 
-def _landmark_section(stable: Sequence[Landmark], tentative: Sequence[Landmark], context: TableContext) -> str:
+def _landmark_section(stable: Sequence[Landmark], others: Sequence[Landmark], context: TableContext) -> str:
     controls = (
         '<div class="controls" hidden><label>find <input type="search" id="filter" placeholder="label or id"></label>'
         '<label>sort by <select id="sort"><option value="id">id<option value="label">label<option value="observations">times seen'
@@ -125,6 +132,13 @@ def _landmark_section(stable: Sequence[Landmark], tentative: Sequence[Landmark],
     )
     empty = '<p class="dim">The map holds no stable landmark.</p>'
     body = controls + (landmark_table(stable, "stable", context) if stable else empty)
+    lost = [m for m in others if m.state == "lost"]
+    tentative = [m for m in others if m.state != "lost"]
+    if lost:
+        body += sections.folded(f"{len(lost)} lost: not seen where they should be", landmark_table(lost, "lost", context))
+    if context.recorder and context.recorder.gone:
+        title = f"{len(context.recorder.gone)} no longer there: removed, and what was known of them"
+        body += sections.folded(title, gone_table(context.recorder, context))
     if tentative:
         title = f"{len(tentative)} tentative: not seen often or long enough yet"
         body += sections.folded(title, landmark_table(tentative, "tentative", context))
@@ -145,8 +159,20 @@ def _landmark_data(m: Landmark, context: TableContext) -> dict[str, Any]:
         "last_seen_s": m.last_seen_s,
         "state": m.state,
         "has_crop": bool(recorder and recorder.crop(m.id)),
-        "history": [[r.first_s, r.last_s, r.label, r.count] for r in recorder.label_history(m.id)] if recorder else [],
+        **_history_data(m.id, recorder),
     }
+
+
+def _history_data(landmark_id: int, recorder: ReportRecorder | None) -> dict[str, Any]:
+    runs, life = (recorder.label_history(landmark_id), recorder.life(landmark_id)) if recorder else ((), ())
+    return {
+        "history": [[run.first_s, run.last_s, run.label, run.count] for run in runs],
+        "life": [[item.timestamp_s, item.event.kind, item.event.detail] for item in life],
+    }
+
+
+def _gone_data(recorder: ReportRecorder) -> list[dict[str, Any]]:
+    return [{"id": i, "label": last_name(i, recorder), **_history_data(i, recorder)} for i in recorder.gone]
 
 
 def _page_data(
@@ -161,12 +187,15 @@ def _page_data(
             **facts.counts,
             "stable": len(map.landmarks),
             "tentative": len(map.tentative),
+            "lost": sum(m.state == "lost" for m in map.tentative),
+            "gone": len(context.recorder.gone) if context.recorder else 0,
             "warnings": facts.warning_total,
             "poses": len(trajectory),
         },
         **extra,
         "landmarks": [_landmark_data(m, context) for m in map.landmarks],
         "tentative": [_landmark_data(m, context) for m in map.tentative],
+        "gone": _gone_data(context.recorder) if context.recorder else [],
         "not_drawn": scene.left_out,
         "seconds_per_stage": {s.name: {"p50": s.p50_s, "p95": s.p95_s, "max": s.max_s} for s in facts.stages},
         "warnings": [{"message": message, "count": count} for message, count in facts.warnings.items()],

@@ -9,6 +9,7 @@ import numpy as np
 from seo_slam.report.crops import Crop, ReportRecorder
 from seo_slam.report.escaping import clean_text, escaped
 from seo_slam.report.label_history import LabelRun
+from seo_slam.report.life_history import away_spans, life_line
 from seo_slam.types import Landmark
 
 _COLOURS = 12
@@ -82,7 +83,6 @@ def sigma_m(landmark: Landmark) -> float:
 
 def _row(m: Landmark, context: TableContext) -> str:
     crop = context.recorder.crop(m.id) if context.recorder else None
-    history = context.recorder.label_history(m.id) if context.recorder else ()
     colour = context.colours.css_class(m.label)
     sigma = sigma_m(m)
     axes = ", ".join(f"{1000 * s:.0f}" for s in np.sqrt(np.maximum(np.diag(np.nan_to_num(m.covariance_m2)), 0.0)))
@@ -99,7 +99,7 @@ def _row(m: Landmark, context: TableContext) -> str:
     }
     data = "".join(f' data-{key}="{escaped(value)}"' for key, value in keys.items())
     cells = (
-        ("picture", "", _picture(crop, m)),
+        ("picture", "", _picture(crop, m.id, m.label)),
         ("id num", "id", f'<a href="#map" data-show="{m.id}">#{m.id}</a>'),
         ("label", "label", f'<b class="{colour}"><i class="swatch"></i>{escaped(m.label) or "unnamed"}</b>{_distribution(m)}'),
         ("num xyz", "at", position),
@@ -107,7 +107,7 @@ def _row(m: Landmark, context: TableContext) -> str:
         ("num", "size", " × ".join(f"{100 * s:.0f}" for s in m.size_m)),
         ("num", "seen", f'{m.observations}<small class="unit"> ×</small>'),
         ("num", "first – last", f'<span title="stamps {m.first_seen_s:.3f} to {m.last_seen_s:.3f} s">{first:.1f} – {last:.1f} s</span>'),
-        ("history", "called", _history(history, context)),
+        ("history", "called", _history(m.id, context)),
     )
     body = "".join(f'<td class="{kind}"{f" data-name={chr(34)}{name}{chr(34)}" if name else ""}>{cell}</td>' for kind, name, cell in cells)
     return f'<tr id="landmark-{m.id}" class="{m.state}"{data}>{body}</tr>'
@@ -119,13 +119,13 @@ def _length(metres: float) -> str:
     return f"{1000 * metres:.1f} mm" if metres < 0.01 else f"{100 * metres:.1f} cm" if metres < 1 else f"{metres:.2f} m"
 
 
-def _picture(crop: Crop | None, m: Landmark) -> str:
+def _picture(crop: Crop | None, landmark_id: int, label: str) -> str:
     if crop is None:
         return '<div class="crop empty">no picture</div>'
     data = base64.b64encode(crop.jpeg).decode("ascii")
     left, top, right, bottom = (100 * share for share in crop.box_share)
     frame = f"left:{left:.1f}%;top:{top:.1f}%;width:{right - left:.1f}%;height:{bottom - top:.1f}%"
-    name = escaped(f"best view of {clean_text(m.label) or 'an unnamed object'} #{m.id}, t = {crop.timestamp_s:.3f} s", 240)
+    name = escaped(f"best view of {clean_text(label) or 'an unnamed object'} #{landmark_id}, t = {crop.timestamp_s:.3f} s", 240)
     return (
         f'<div class="crop"><span><img src="data:image/jpeg;base64,{data}" width="{crop.width_px}" height="{crop.height_px}" '
         f'alt="{name}" title="{name}"><i style="{frame}"></i></span></div>'
@@ -144,9 +144,42 @@ def _distribution(m: Landmark) -> str:
     return f'<ul class="shares">{shown}{more}</ul>'
 
 
-def _history(runs: Sequence[LabelRun], context: TableContext) -> str:
+def gone_table(recorder: ReportRecorder, context: TableContext) -> str:
+    """Return a ``<table>`` of the things that were removed: their best picture, what they were called, and what became of them."""
+    heads = "".join(f'<th scope="col"{kind}>{title}</th>' for title, kind in (("picture", ""), ("id", ' class="num"'), ("label", "")))
+    rows = "".join(_gone_row(landmark_id, recorder, context) for landmark_id in recorder.gone)
+    return (
+        f'<div class="table-frame"><table class="landmarks gone"><thead><tr>{heads}<th scope="col">history</th></tr></thead>'
+        f"<tbody>{rows}</tbody></table></div>"
+    )
+
+
+def last_name(landmark_id: int, recorder: ReportRecorder) -> str:
+    """What a thing was called most often, not escaped; "" if nothing named it."""
+    counts: dict[str, int] = {}
+    for run in recorder.label_history(landmark_id):
+        if run.label:
+            counts[run.label] = counts.get(run.label, 0) + run.count
+    return min(counts, key=lambda label: (-counts[label], label), default="")
+
+
+def _gone_row(landmark_id: int, recorder: ReportRecorder, context: TableContext) -> str:
+    label = last_name(landmark_id, recorder)
+    colour = context.colours.css_class(label)
+    return (
+        f'<tr id="landmark-{landmark_id}" class="gone"><td class="picture">{_picture(recorder.crop(landmark_id), landmark_id, label)}</td>'
+        f'<td class="id num" data-name="id">#{landmark_id}</td><td class="label" data-name="label"><b class="{colour}">'
+        f'<i class="swatch"></i>{escaped(label) or "unnamed"}</b></td>'
+        f'<td class="history" data-name="called">{_history(landmark_id, context)}</td></tr>'
+    )
+
+
+def _history(landmark_id: int, context: TableContext) -> str:
+    runs = context.recorder.label_history(landmark_id) if context.recorder else ()
+    life = context.recorder.life(landmark_id) if context.recorder else ()
+    line = life_line(life, context.start_s)
     if not runs:
-        return '<span class="dim">not recorded</span>'
+        return line or '<span class="dim">not recorded</span>'
     width, height = _STRIP_PX
     scale = width / max(context.end_s - context.start_s, 1e-9)
     bars = "".join(
@@ -156,9 +189,15 @@ def _history(runs: Sequence[LabelRun], context: TableContext) -> str:
         "</title></rect>"
         for run in runs
     )
+    bars += "".join(
+        f'<rect class="away" x="{(since - context.start_s) * scale:.1f}" y="{height - 4:g}" '
+        f'width="{max((until - since) * scale, _LEAST_RUN_PX):.1f}" height="4"><title>'
+        f"not where it was: {since - context.start_s:.1f} to {until - context.start_s:.1f} s</title></rect>"
+        for since, until in away_spans(life, context.end_s)
+    )
     window = f'viewBox="0 0 {width:g} {height:g}" preserveAspectRatio="none"'
     strip = f'<svg class="strip" {window} role="img" aria-label="labels over time">{bars}</svg>'
-    return f"{strip}<small>{_changes(runs)}</small>"
+    return f"{strip}<small>{_changes(runs)}</small>{line}"
 
 
 def _changes(runs: Sequence[LabelRun]) -> str:

@@ -46,7 +46,7 @@
     const panel = byId("details");
     const text = document.createElement("div");
     const title = document.createElement("b");
-    title.textContent = `${row.dataset.label || "unnamed"} #${id}${row.classList.contains("tentative") ? ", tentative" : ""}`;
+    title.textContent = `${row.dataset.label || "unnamed"} #${id}${["tentative", "lost"].filter((state) => row.classList.contains(state)).map((state) => `, ${state}`).join("")}`;
     const list = document.createElement("dl");
     for (const cell of all("td[data-name]", row)) {
       if (["id", "label", "called"].includes(cell.dataset.name)) continue;

@@ -2,7 +2,7 @@
 
 import html
 import json
-from collections.abc import Sequence, Set
+from collections.abc import Mapping, Sequence, Set
 from pathlib import PurePath
 from typing import Any
 
@@ -18,11 +18,12 @@ def recording_name(facts: RunFacts) -> str:
     return PurePath(facts.dataset.replace("\\", "/")).name or facts.dataset or "unnamed recording"
 
 
-def facts_tiles(facts: RunFacts, stable: int, tentative: int, duration_s: float | None, length_m: float) -> str:
-    """The headline numbers."""
+def facts_tiles(facts: RunFacts, landmarks: Mapping[str, int], duration_s: float | None, length_m: float) -> str:
+    """The headline numbers; ``landmarks`` counts them by what they are ("stable", "tentative", "lost", "no longer there")."""
     tiles: list[tuple[str, str, str]] = [
-        (f"{stable}", "stable landmarks", "main"),
-        (f"{tentative}", "tentative", ""),
+        (f"{landmarks['stable']}", "stable landmarks", "main"),
+        (f"{landmarks['tentative']}", "tentative", ""),
+        *((f"{landmarks[name]}", name, "") for name in ("lost", "no longer there") if landmarks.get(name)),
         (_count(facts.counts.get("frames")), "frames", ""),
         (_count(facts.counts.get("keyframes")), "keyframes", ""),
         (duration(duration_s), "recorded", ""),
