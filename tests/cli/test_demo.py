@@ -21,7 +21,7 @@ def ran(tmp_path_factory):
 def test_writes_a_result_folder(ran):
     folder, result = ran
     assert result.exit_code == 0
-    for name in ("map.json", "map.db", "trajectory.txt", "run.json", "report.html", "truth.json", "groundtruth.txt"):
+    for name in ("map.json", "map.db", "trajectory.txt", "run.json", "report.html", "evaluation.html", "truth.json", "groundtruth.txt"):
         assert (folder / name).stat().st_size > 0, name
     run = json.loads((folder / "run.json").read_text())
     assert run["counts"]["frames"] == 12

@@ -28,6 +28,7 @@ def demo(
     from seo_slam.evaluation.landmarks import evaluate_landmarks
     from seo_slam.evaluation.truth import read_truth
     from seo_slam.pipeline import Pipeline
+    from seo_slam.report.evaluation_page import write_evaluation
     from seo_slam.run_files import prepare_folder
     from seo_slam.run_recording import run_recording
     from seo_slam.simulation.recording import SimulatedDesk
@@ -45,7 +46,10 @@ def demo(
     name = f"simulated desk, seed {seed}, level {level:g}"
     finished = run_recording(with_progress(desk, len(desk), "mapping"), pipeline, folder, dataset=name)
     found = finished.result.map
-    score = evaluate_landmarks((*found.landmarks, *found.tentative), read_truth(folder / "truth.json"))
+    landmarks, truth = (*found.landmarks, *found.tentative), read_truth(folder / "truth.json")
+    score = evaluate_landmarks(landmarks, truth)
+    page = folder / "evaluation.html"
+    write_evaluation(page, landmarks=landmarks, truth=truth, result=score, trajectory=finished.result.trajectory, title=name)
     typer.echo(json.dumps(score.as_dict(), indent=1) if as_json else _summary(finished.result, score, desk.truth, folder))
 
 
@@ -74,7 +78,7 @@ def _summary(result: "RunResult", score: "LandmarksResult", truth: dict[str, Any
         f"precision {s.precision:.2f}, recall {s.recall:.2f}, F1 {s.f1:.2f} ({score.protocol}, within {100 * score.radius_m:.0f} cm)",
         "The detector is simulated and makes mistakes on purpose: it misses things, mistakes them, and sees things that are not there.",
         "",
-        f"look at     {folder / 'report.html'}",
+        f"look at     {folder / 'report.html'}, and truth and map side by side: {folder / 'evaluation.html'}",
         f'ask         seo-slam query {folder} "something to drink from"',
         f"score       seo-slam eval landmarks {folder} {folder / 'truth.json'}",
         f"            seo-slam eval trajectory {folder / 'trajectory.txt'} {folder / 'groundtruth.txt'}",
