@@ -48,6 +48,7 @@ class LiftingSettings(Settings):
     box_noise_share: float = Field(0.05, ge=0, description="standard deviation of a box's edge, as a share of its side")
     min_sigma_m: float = Field(0.01, gt=0, description="floor of a measurement's standard deviation: calibration, pose, shape")
     duplicate_iou: float = Field(0.7, gt=0, le=1, description="two boxes of one frame that overlap more are one thing")
+    one_box_a_place: bool = Field(True, description="two boxes of like size at one place in 3D are one thing")
 
 
 class AssociationSettings(Settings):
@@ -77,9 +78,21 @@ class MapSettings(Settings):
 
     stable_observations: int = Field(3, ge=1, description="keyframes that a tentative landmark must be seen in")
     stable_seconds: float = Field(0.3, ge=0, description="and over at least this long")
-    stable_share: float = Field(0.1, ge=0, le=1, description="and in at least this share of the keyframes in which it was in plain view")
     merge_duplicates: bool = Field(True, description="fold landmarks that are unambiguously one")
     separate_frames: int = Field(3, ge=1, description="frames with separate detections of both that prove two landmarks to be two")
+
+
+class LifeSettings(Settings):
+    """Existence: what hits and misses say of a landmark."""
+
+    enabled: bool = Field(True, description="off: a landmark counts once seen often enough, and nothing is ever removed but by agents")
+    vanishing: float = Field(0.002, gt=0, lt=1, description="prior chance that a thing was taken away since it was last seen")
+    stable_existence: float = Field(0.3, gt=0, lt=1, description="existence from which a landmark is stable")
+    stable_share: float = Field(0.1, ge=0, le=1, description="and in what share of the views in which it should be seen it must have been")
+    lost_existence: float = Field(0.1, gt=0, lt=1, description="a stable landmark below it is lost")
+    removed_existence: float = Field(0.03, gt=0, lt=1, description="a landmark below it leaves the map")
+    removed_misses: int = Field(3, ge=1, description="after at least so many keyframes in which it should have been seen")
+    removed_seconds: float = Field(1.0, ge=0, description="and so long after it was last seen")
 
 
 class Config(Settings):
@@ -97,6 +110,7 @@ class Config(Settings):
     association: AssociationSettings = AssociationSettings()
     graph: SmootherSettings = SmootherSettings()
     map: MapSettings = MapSettings()
+    life: LifeSettings = LifeSettings()
     seed: int = Field(0, ge=0, description="of every part that draws random numbers")
 
     @classmethod
@@ -175,8 +189,17 @@ def describe_settings(model: type[BaseModel] = Config, prefix: str = "") -> list
     return rows
 
 
+_PAPER: dict[str, Any] = {
+    "lifting": {"one_box_a_place": False},
+    "map": {"stable_observations": 3, "stable_seconds": 0.0, "merge_duplicates": False},
+    "life": {"enabled": False},
+}
+"""Table II's variants without agents have nothing in them that is not in the paper."""
+
 PRESETS: dict[str, dict[str, Any]] = {
     "seo_slam": {},
+    "rg": _PAPER | {"associator": {"name": "nearest"}},
+    "rg_d": _PAPER,
     "seo_slam_paper_gate": {"association": {"semantic_gate": "cosine", "solver": "lap"}},
     "nearest": {"associator": {"name": "nearest"}},
 }

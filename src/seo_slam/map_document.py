@@ -43,7 +43,9 @@ class LandmarkDocument(_Model):
     observations: int = Field(ge=0, description="Keyframes it was seen in.")
     first_seen_s: Finite = Field(description="Stamp of the first of them, seconds.")
     last_seen_s: Finite = Field(description="Stamp of the last of them, seconds.")
-    state: LandmarkState = Field(description='"stable", or "tentative" while it was not seen often and long enough.')
+    state: LandmarkState = Field(
+        description='"stable"; "tentative" while it was not seen often and long enough; "lost" while it is not where it should be.'
+    )
     version: int = Field(ge=0, description="Rises when label or state change or landmarks are merged; not with every observation.")
 
     @field_validator("covariance_m2")
@@ -76,7 +78,7 @@ class MapDocument(_Model):
     embedder: str = Field(description='Name of the model that embeds labels; a query uses the same one. "" if none is known.')
     next_id: int = Field(ge=0, description="The lowest landmark id that was never used.")
     landmarks: tuple[LandmarkDocument, ...] = Field(description="Stable landmarks, by rising id.")
-    tentative: tuple[LandmarkDocument, ...] = Field(description="Landmarks seen too seldom to be trusted, by rising id.")
+    tentative: tuple[LandmarkDocument, ...] = Field(description="Landmarks that are not stable, by rising id: seen too seldom, or lost.")
 
     @model_validator(mode="after")
     def _ids_and_states_agree(self) -> Self:
@@ -87,7 +89,7 @@ class MapDocument(_Model):
             raise ValueError(f"next_id is {self.next_id}, but landmark {max(ids)} exists")
         for wanted, rows in (("stable", self.landmarks), ("tentative", self.tentative)):
             for row in rows:
-                if row.state != wanted:
+                if (row.state == "stable") != (wanted == "stable"):
                     raise ValueError(f"landmark {row.id} is {row.state}, but stands among the {wanted} ones")
         return self
 

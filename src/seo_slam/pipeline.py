@@ -20,9 +20,10 @@ from seo_slam.map_document import Gravity
 from seo_slam.mapping.duplicates import duplicate_pairs, projected_box
 from seo_slam.mapping.edits import apply_edit, merge_landmarks
 from seo_slam.mapping.keyframes import is_keyframe
+from seo_slam.mapping.lifecycle import LifeCycle, SightingsOnly
 from seo_slam.mapping.motion_chain import MotionChain
 from seo_slam.mapping.object_map import ObjectMap
-from seo_slam.mapping.visibility import in_view
+from seo_slam.mapping.sight import DepthView
 from seo_slam.perception.adapters import outside, to_detections
 from seo_slam.perception.cut_boxes import completed
 from seo_slam.perception.lifting import observe
@@ -135,6 +136,9 @@ class Pipeline:
         self._old_map = None if map is None else map.with_embeddings(self.parts.embedder)
         next_id = max(self.parts.store.next_id(), 0 if map is None else map.next_id)
         self._objects = ObjectMap(self.config.map, self.parts.embedder.size, next_id)
+        self._life: LifeCycle | SightingsOnly = (
+            LifeCycle(self.config.life, self.config.lifting, self._objects) if self.config.life.enabled else SightingsOnly(self._objects)
+        )
         self._keeper = Keeper(self.parts, self._objects)
         self.clock = StageClock()
         self._counts = _Counts()
@@ -319,11 +323,10 @@ class Pipeline:
         if motion is not None:
             self._placed(frame, step)
         with clock.stage("map"):
-            events = self._objects.integrate(
-                observations[used], landmark_ids[used], self._estimate.T_world_camera, frame.timestamp_s, self._should_see(frame)
-            )
-            if self.config.map.merge_duplicates:
-                events += self._merge_duplicates(frame, landmark_ids[used])
+            events = self._integrate(frame, observations[used], landmark_ids[used])
+        with clock.stage("life"):
+            view = DepthView(frame.camera, frame.depth_m, self._estimate.T_world_camera, frame.timestamp_s)
+            events += self._life.step(view, landmark_ids[used], parts.smoother)
         if parts.agents:
             with clock.stage("agents"):
                 events += self._ask_agents(frame, warnings)
@@ -334,9 +337,14 @@ class Pipeline:
         self._counts.events += [(self._keyframe_id, event) for event in events]
         return _KeyframeOutcome(detections, observations, association, landmark_ids, tuple(events))
 
-    def _should_see(self, frame: Frame) -> IntArray:
+    def _integrate(self, frame: Frame, observations: Observations, landmark_ids: IntArray) -> list[MapEvent]:
+        """Fold the measurements into what is known of the things, and doubles into one."""
         ids, p_world = self.parts.smoother.positions()
-        return ids[in_view(p_world, self._objects.sizes_m(ids), self._estimate.T_world_camera, frame, self.config.lifting.max_depth_m)]
+        own = p_world[np.searchsorted(ids, landmark_ids)]
+        events = self._objects.integrate(observations, landmark_ids, self._estimate.T_world_camera, frame.timestamp_s, own)
+        if self.config.map.merge_duplicates:
+            events += self._merge_duplicates(frame, landmark_ids)
+        return events
 
     def _completed(self, observations: Observations, landmark_ids: IntArray) -> Observations:
         """Measure the centre of the whole thing where the image border cuts a box."""

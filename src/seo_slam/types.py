@@ -24,7 +24,7 @@ REJECTED = -2
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 OdometryStatus = Literal["ok", "lost"]
-LandmarkState = Literal["tentative", "stable"]
+LandmarkState = Literal["tentative", "stable", "lost"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -221,8 +221,9 @@ class Landmark:
         embedding: (D,) unit vector fused over all labels seen, zeros if unnamed.
         observations: keyframes it was seen in.
         first_seen_s, last_seen_s: stamps.
-        state: "tentative" until seen often and long enough, then "stable".
+        state: "tentative" until seen often and long enough, then "stable"; "lost" while it is not where it should be seen.
         version: rises when label, state, merge or split change, not with every observation.
+        existence: probability that it is there; 1 where that is not estimated.
     """
 
     id: int
@@ -237,6 +238,7 @@ class Landmark:
     last_seen_s: float
     state: LandmarkState
     version: int = 0
+    existence: float = 1.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -3,7 +3,7 @@
 import json
 import sqlite3
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, cast
+from typing import Any, cast, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -70,8 +70,8 @@ def landmark_values(landmark: Landmark, embedding_id: EmbeddingId) -> Row:
 def landmark_from(row: Row, vectors: Mapping[int, FloatArray]) -> Landmark:
     """The landmark of a row ``id, LANDMARK_COLUMNS``."""
     landmark_id, state, label, labels, x, y, z, covariance, size, embedding_id, observations, first_s, last_s, version = row
-    if state not in ("tentative", "stable"):
-        raise ValueError(f"landmark {landmark_id}: got state {state!r}, wanted 'tentative' or 'stable'")
+    if state not in get_args(LandmarkState):
+        raise ValueError(f"landmark {landmark_id}: got state {state!r}, wanted one of {', '.join(get_args(LandmarkState))}")
     return Landmark(
         id=landmark_id,
         label=label,

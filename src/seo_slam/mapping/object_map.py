@@ -12,6 +12,7 @@ from seo_slam.config import MapSettings
 from seo_slam.errors import UnknownLandmarkError
 from seo_slam.geometry import FloatArray, transform_points
 from seo_slam.interfaces import Smoother
+from seo_slam.mapping.existence import Sightings
 from seo_slam.perception.boxes import containment
 from seo_slam.records import MapEvent
 from seo_slam.types import IntArray, Landmark, Landmarks, LandmarkState, Observations, heaviest
@@ -30,6 +31,11 @@ LEAST_WEIGHT = 1e-3
 
 UNKNOWN_SIGMA_M = 1.0
 
+LOOKS_KEPT = 30
+
+SURFACE_VIEWS, SURFACE_POINTS = 4, 24
+"""So many views of a thing's surface are remembered, and points of each."""
+
 
 @dataclass(slots=True, eq=False)
 class Thing:
@@ -40,7 +46,10 @@ class Thing:
         embedding_sum: (D,) score-weighted sum of label embeddings.
         whole_sizes, cut_sizes: (3,) world extents seen in full, and cut by the image border.
         whole_across: (2,) width and height across the line of sight, seen in full.
-        views: keyframes that saw it, or should have.
+        sightings: what counts for and against it.
+        existence: probability that it is there.
+        looks: (area_px, hidden share) of the newest views in which it was found.
+        surface_views: (S, 3) points of its surface each, from the newest views, relative to its position, world axes.
         fixed_label, fixed_embedding: the word an agent gave it, and (D,) its unit embedding.
         cov_world: (3, 3) of its position, as last asked of the smoother.
     """
@@ -54,7 +63,10 @@ class Thing:
     cut_sizes: list[FloatArray] = field(default_factory=list)
     whole_across: list[FloatArray] = field(default_factory=list)
     observations: int = 0
-    views: int = 0
+    sightings: Sightings = field(default_factory=Sightings)
+    existence: float = 0.5
+    looks: list[tuple[float, float]] = field(default_factory=list)
+    surface_views: list[FloatArray] = field(default_factory=list)
     state: LandmarkState = "tentative"
     version: int = 0
     fixed_label: str | None = None
@@ -69,6 +81,16 @@ class Thing:
     def label(self) -> str:
         """The word that an agent gave it, else the heaviest."""
         return self.fixed_label if self.fixed_label is not None else heaviest(self.weights)
+
+    def surface(self) -> FloatArray:
+        """(M, 3) points of its surface relative to its position; M is the same for all things, few views are repeated."""
+        views = self.surface_views or [np.zeros((SURFACE_POINTS, 3))]
+        return np.concatenate([views[k % len(views)] for k in range(SURFACE_VIEWS)])
+
+    def remember_look(self, area_px: float, hidden: float) -> None:
+        """Note how it looked in a view in which it was found."""
+        self.looks.append((area_px, hidden))
+        del self.looks[:-LOOKS_KEPT]
 
     def changed(self) -> None:
         """Forget what was derived; to be called after weights or sizes change."""
@@ -141,7 +163,7 @@ class ObjectMap:
             weights={word: share * landmark.observations for word, share in landmark.labels.items()},
             whole_sizes=[landmark.size_m.copy()],
             observations=landmark.observations,
-            views=landmark.observations,
+            existence=landmark.existence,
             state=landmark.state,
             version=landmark.version,
         )
@@ -159,7 +181,7 @@ class ObjectMap:
         landmark_ids: IntArray,
         T_world_camera: FloatArray,
         timestamp_s: float,
-        should_see: IntArray,
+        p_world: FloatArray,
     ) -> list[MapEvent]:
         """Fold one keyframe into the map.
 
@@ -168,17 +190,16 @@ class ObjectMap:
             landmark_ids: (K,) the thing of each, all >= 0; new ids make new things.
             T_world_camera: (4, 4) of the keyframe.
             timestamp_s: of the keyframe.
-            should_see: ids of things in view, whether observed or not.
+            p_world: (K, 3) positions of the things.
         """
         events = []
-        for landmark_id in set(should_see.tolist()) | set(landmark_ids.tolist()):
-            if landmark_id in self.things:
-                self.things[landmark_id].views += 1
         for row, landmark_id in enumerate(int(i) for i in landmark_ids):
             if landmark_id not in self.things:
-                self.things[landmark_id] = Thing(landmark_id, timestamp_s, timestamp_s, np.zeros(self.embedding_size), views=1)
+                self.things[landmark_id] = Thing(landmark_id, timestamp_s, timestamp_s, np.zeros(self.embedding_size))
                 events.append(MapEvent("created", landmark_id, observations.labels[row] or ""))
-            events += self._integrate_one(self.things[landmark_id], observations, row, T_world_camera, timestamp_s)
+            thing = self.things[landmark_id]
+            events += self._integrate_one(thing, observations, row, timestamp_s)
+            self._remember_shape(thing, observations, row, T_world_camera, p_world[row])
         self._count_apart(landmark_ids, observations.boxes_px)
         return events
 
@@ -187,7 +208,6 @@ class ObjectMap:
         thing: Thing,
         observations: Observations,
         row: int,
-        T_world_camera: FloatArray,
         timestamp_s: float,
     ) -> list[MapEvent]:
         before = thing.label
@@ -197,24 +217,19 @@ class ObjectMap:
             thing.embedding_sum = thing.embedding_sum + score * observations.embeddings[row]
         thing.observations += 1
         thing.last_seen_s = timestamp_s
-        self._remember_size(thing, observations, row, T_world_camera)
         thing.changed()
         events = []
         if before and thing.label != before:
             thing.version += 1
             events.append(MapEvent("relabelled", thing.id, f"{before} -> {thing.label}"))
-        if thing.state == "tentative" and self._is_believed(thing):
-            thing.state = "stable"
-            thing.version += 1
-            events.append(MapEvent("stable", thing.id, thing.label))
         return events
 
-    def _is_believed(self, thing: Thing) -> bool:
+    def is_confirmed(self, thing: Thing) -> bool:
+        """Whether it was seen often and long enough to be stable."""
         old_enough = thing.last_seen_s - thing.first_seen_s >= self.settings.stable_seconds - 1e-6
-        often_enough = thing.observations >= self.settings.stable_observations
-        return old_enough and often_enough and thing.observations >= self.settings.stable_share * thing.views
+        return old_enough and thing.observations >= self.settings.stable_observations
 
-    def _remember_size(self, thing: Thing, observations: Observations, row: int, T_world_camera: FloatArray) -> None:
+    def _remember_shape(self, thing: Thing, observations: Observations, row: int, T_world_camera: FloatArray, p_world: FloatArray) -> None:
         cloud = transform_points(T_world_camera, observations.clouds[row])
         if not len(cloud):
             return
@@ -223,6 +238,9 @@ class ObjectMap:
         _keep_newest(thing.cut_sizes if cut else thing.whole_sizes, np.asarray(high - low, dtype=np.float64))
         if not cut:
             _keep_newest(thing.whole_across, observations.size_m[row])
+        chosen = np.linspace(0, len(cloud) - 1, SURFACE_POINTS).astype(np.int64)
+        thing.surface_views = [*thing.surface_views[1 - SURFACE_VIEWS :], cloud[chosen] - p_world]
+        thing.changed()
 
     def _count_apart(self, landmark_ids: IntArray, boxes_px: FloatArray) -> None:
         """Count pairs that were detected at once in boxes of their own: proof that they are two."""
@@ -255,7 +273,9 @@ class ObjectMap:
         keep.cut_sizes += drop.cut_sizes
         keep.whole_across += drop.whole_across
         keep.observations += drop.observations
-        keep.views = max(keep.views, drop.views, keep.observations)
+        keep.sightings = keep.sightings.merged(drop.sightings)
+        keep.existence = max(keep.existence, drop.existence)
+        keep.surface_views = (keep.surface_views + drop.surface_views)[-SURFACE_VIEWS:]
         keep.first_seen_s = min(keep.first_seen_s, drop.first_seen_s)
         keep.last_seen_s = max(keep.last_seen_s, drop.last_seen_s)
         if "stable" in (keep.state, drop.state):
@@ -330,6 +350,7 @@ class ObjectMap:
             last_seen_s=thing.last_seen_s,
             state=thing.state,
             version=thing.version,
+            existence=thing.existence,
         )
 
 

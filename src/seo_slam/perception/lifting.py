@@ -68,7 +68,7 @@ def observe(detections: Detections, frame: Frame, settings: LiftingSettings, emb
         clouds=tuple(one.cloud for one in lifted),
         rows=np.array(rows, dtype=np.int64),
     )
-    return observations[~coincident(observations)], warnings
+    return (observations[~coincident(observations)] if settings.one_box_a_place else observations), warnings
 
 
 def _embed(labels: tuple[str | None, ...], embedder: Embedder) -> FloatArray:
