@@ -79,6 +79,9 @@ def test_the_report_keeps_what_is_gone_and_tells_lost_from_tentative():
     ):
         assert words in text
     assert "<b>book" not in text.replace(raw, "")
+    # The page's script finds and sorts the rows of all tables by these.
+    assert all("data-id=" in row and "data-label=" in row for row in re.findall(r'<tr id="landmark-[^>]*>', text))
+    assert text.count('class="nothing"') == text.count('<table class="landmarks')
     row = text[text.index('id="landmark-2"') :]
     assert re.search(r"lost 2\.0 s.*removed 3\.0 s", re.sub("<[^>]*>", "", row[: row.index("</tr>")]))
     assert row[: row.index("</tr>")].count("data:image/jpeg") == 1

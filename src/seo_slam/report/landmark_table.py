@@ -150,7 +150,7 @@ def gone_table(recorder: ReportRecorder, context: TableContext) -> str:
     rows = "".join(_gone_row(landmark_id, recorder, context) for landmark_id in recorder.gone)
     return (
         f'<div class="table-frame"><table class="landmarks gone"><thead><tr>{heads}<th scope="col">history</th></tr></thead>'
-        f"<tbody>{rows}</tbody></table></div>"
+        f'<tbody>{rows}</tbody></table><p class="nothing" hidden>No thing of that name.</p></div>'
     )
 
 
@@ -167,7 +167,7 @@ def _gone_row(landmark_id: int, recorder: ReportRecorder, context: TableContext)
     label = last_name(landmark_id, recorder)
     colour = context.colours.css_class(label)
     return (
-        f'<tr id="landmark-{landmark_id}" class="gone"><td class="picture">{_picture(recorder.crop(landmark_id), landmark_id, label)}</td>'
+        f'<tr id="landmark-{landmark_id}" class="gone" data-id="{landmark_id}" data-label="{escaped(label)}"><td class="picture">{_picture(recorder.crop(landmark_id), landmark_id, label)}</td>'
         f'<td class="id num" data-name="id">#{landmark_id}</td><td class="label" data-name="label"><b class="{colour}">'
         f'<i class="swatch"></i>{escaped(label) or "unnamed"}</b></td>'
         f'<td class="history" data-name="called">{_history(landmark_id, context)}</td></tr>'
