@@ -166,8 +166,10 @@ def last_name(landmark_id: int, recorder: ReportRecorder) -> str:
 def _gone_row(landmark_id: int, recorder: ReportRecorder, context: TableContext) -> str:
     label = last_name(landmark_id, recorder)
     colour = context.colours.css_class(label)
+    picture = _picture(recorder.crop(landmark_id), landmark_id, label)
     return (
-        f'<tr id="landmark-{landmark_id}" class="gone" data-id="{landmark_id}" data-label="{escaped(label)}"><td class="picture">{_picture(recorder.crop(landmark_id), landmark_id, label)}</td>'
+        f'<tr id="landmark-{landmark_id}" class="gone" data-id="{landmark_id}" data-label="{escaped(label)}">'
+        f'<td class="picture">{picture}</td>'
         f'<td class="id num" data-name="id">#{landmark_id}</td><td class="label" data-name="label"><b class="{colour}">'
         f'<i class="swatch"></i>{escaped(label) or "unnamed"}</b></td>'
         f'<td class="history" data-name="called">{_history(landmark_id, context)}</td></tr>'
