@@ -56,7 +56,7 @@ def search(mean_f1: Callable[[float], float], first: float) -> list[tuple[float,
             low = level
         else:
             high = level
-        following = round(1.5 * level if high is None else (low + high) / 2, 2)
+        following = round(2.0 * level if high is None else (low + high) / 2, 2)
         if following in {level for level, _ in tried} or following < STEP:
             break
         level = following

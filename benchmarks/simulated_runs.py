@@ -28,7 +28,7 @@ from seo_slam import registry
 from seo_slam.backends.recorded_odometry import RecordedOdometry
 from seo_slam.cli.progress import with_progress
 from seo_slam.config import Component, Config, KeyframeSettings
-from seo_slam.errors import ConfigError
+from seo_slam.errors import ConfigError, SeoSlamError
 from seo_slam.interfaces import Embedder
 from seo_slam.mapping.keyframes import is_keyframe
 from seo_slam.mapping.motion_chain import MotionChain
@@ -37,8 +37,10 @@ from seo_slam.records import StepResult, Trajectory
 from seo_slam.run_files import versions
 from seo_slam.simulation.detector import DetectorKnobs
 from seo_slam.simulation.inventories import ROOMS
+from seo_slam.simulation.mesh_library import MeshLibrary
+from seo_slam.simulation.rooms import SimulatedRoom
 from seo_slam.simulation.sensors import SensorKnobs, require_level
-from seo_slam.simulation.simulated_recording import SimulatedRecording
+from seo_slam.simulation.simulated_recording import SimulatedRecording, simulated_camera
 from seo_slam.types import Frame
 
 VARIANTS = {"RG": "rg", "RG+D": "rg_d", "RG+D+L": "seo_slam"}
@@ -101,7 +103,10 @@ class Failure:
     @classmethod
     def of(cls, job: Job, error: BaseException, variant: str | None = None) -> "Failure":
         """Keep what is known of an exception."""
-        return cls(job.room, job.seed, variant, f"{type(error).__name__}: {error}", "".join(traceback.format_exception(error)))
+        told = (
+            str(error.__cause__) if hasattr(error.__cause__, "tb") else "".join(traceback.format_exception(error))
+        )  # a worker's own words
+        return cls(job.room, job.seed, variant, f"{type(error).__name__}: {error}", told.strip('\n"'))
 
 
 # Recordings ----------------------------------------------------------------------------------------------------------------------------
@@ -109,8 +114,6 @@ class Failure:
 
 def make_recording(job: Job) -> SimulatedRecording:
     """Return the recording of a job; nothing is drawn yet."""
-    from seo_slam.simulation.rooms import SimulatedRoom  # loads trimesh and embreex, where they are installed
-
     width, height = job.size_px
     return SimulatedRoom(
         job.room,
@@ -306,10 +309,16 @@ def jobs_from(given: argparse.Namespace) -> list[Job]:
 
     Raises:
         ConfigError: an unknown room, variant, knob or setting, a wrong number, or no level.
+        DatasetError: no meshes in the folder that is named.
     """
     level = require_level(frozen_level() if given.level is None else given.level)
-    if given.jobs < 1:
-        raise ConfigError(f"--jobs: got {given.jobs}, wanted at least 1")
+    for name, value, least in (("jobs", given.jobs, 1), ("frames", given.frames, 2)):
+        if value < least:
+            raise ConfigError(f"--{name}: got {value}, wanted at least {least}")
+    if not (math.isfinite(given.radius) and given.radius > 0):
+        raise ConfigError(f"--radius: got {given.radius}, wanted a distance above 0, in metres")
+    if given.meshes:
+        MeshLibrary(given.meshes)
     cache = given.cache or (given.out / "renders" if given.out else None)
     variants = {name: config.with_settings(given.settings) for name, config in variants_from(given.variants, given.add).items()}
     knobs = tuple(knob_from(text) for text in given.knob)
@@ -393,7 +402,8 @@ def size_from(text: str) -> tuple[int, int]:
     width, _, height = text.partition("x")
     if not (width.isdigit() and height.isdigit()):
         raise ConfigError(f"--size: got {text!r}, wanted like 320x240")
-    return int(width), int(height)
+    camera = simulated_camera(int(width), int(height))
+    return camera.width, camera.height
 
 
 def frozen_level(path: Path = LEVEL_FILE) -> float:
@@ -460,7 +470,7 @@ def fail_early(parser: argparse.ArgumentParser, given: argparse.Namespace) -> li
         jobs = jobs_from(given)
         if given.out:
             given.out.mkdir(parents=True, exist_ok=True)
-    except (ConfigError, OSError) as error:
+    except (SeoSlamError, OSError) as error:
         parser.error(str(error))
     return jobs
 
