@@ -24,7 +24,7 @@ from seo_slam.pipeline import Pipeline
 from seo_slam.simulation.recording import SimulatedDesk
 from seo_slam.types import NEW, Association
 
-HASHED = Config.from_dict({"embedder": {"name": "hashed"}})
+HASHED = Config.from_dict({"embedder": {"name": "hashed"}, "keyframes": {"distance_m": 0.2, "angle_deg": 9.0}})
 
 
 class Stumbling:
@@ -41,7 +41,7 @@ class Stumbling:
 
 
 def desk():
-    return SimulatedDesk(seed=3, frames=10, width=96, height=72, level=0.5)
+    return SimulatedDesk(seed=3, frames=14, width=96, height=72, level=0.5)
 
 
 def parsed(*words):
