@@ -161,6 +161,15 @@ def test_strays_are_named_instead_of_drawn():
     assert len(marks(svg, "map")["false"]) == 1
 
 
+def test_a_path_that_would_shrink_the_things_is_cut_and_one_outside_is_not_in_the_legend():
+    near, far = circle_trajectory(), circle_trajectory()
+    far.T_world_camera[:, :2, 3] += 30.0
+    words = [{node.text for node in picture(trajectory=path).iter(f"{SVG}text")} for path in (near, far)]
+    assert ["camera path" in shown for shown in words] == [True, False]
+    extents = [np.ptp(compare(FOUND, TRUTH, RESULT, path).extent, axis=0).max() for path in (None, far)]
+    assert extents[0] == extents[1]
+
+
 def test_an_empty_map_and_a_truth_without_boxes_are_still_a_picture():
     bare = Truth((TruthObject("c", ("cup",), np.zeros((1, 3))),), (FormerPlace("x", "removed", (), np.ones(3)),))
     svg = picture([], bare)

@@ -63,9 +63,8 @@ def evaluate_landmarks(
     agree = np.array([[rule.agree(named, item.labels) for item in truth.objects] for named in words], dtype=np.bool_).reshape(
         distance_m.shape
     )
-    scores = {
-        radius: _score(radius, truth, *_matches(distance_m, agree, truth, radius), truth_count) for radius in sorted({*SWEPT_RADII_M, radius_m})
-    }
+    radii_m = sorted({*SWEPT_RADII_M, radius_m})
+    scores = {radius: _score(radius, truth, *_matches(distance_m, agree, truth, radius), truth_count) for radius in radii_m}
     allowed, pairs = _matches(distance_m, agree, truth, radius_m)
     matched_rows, matched_objects = {row for row, _ in pairs}, {column for _, column in pairs}
     matched = tuple(
@@ -84,7 +83,7 @@ def evaluate_landmarks(
         label_rule=rule.describe(),
         score=scores[radius_m],
         tentative=len(landmarks) - len(stable),
-        sweep=tuple(scores[radius] for radius in sorted(scores)),
+        sweep=tuple(scores[radius] for radius in radii_m),
         matched=matched,
         missing=missing,
         extra=extra,

@@ -86,7 +86,7 @@ def draw_comparison(comparison: Comparison, result: LandmarksResult, style: MapS
     name_px = 1.9 * style.font_px
     panel_px = name_px + view.height_px
     second = (0.0, top + panel_px + _GAP_PX) if stacked else (style.width_px + _GAP_PX, top)
-    legend, legend_px = _legend(comparison, width, style)
+    legend, legend_px = _legend(comparison, _sees_path(comparison, view), width, style)
     bottom = second[1] + panel_px
     height = bottom + legend_px
     objects = len(result.matched) + len(result.missing)
@@ -107,6 +107,12 @@ def draw_comparison(comparison: Comparison, result: LandmarksResult, style: MapS
         f'<g transform="translate(0 {bottom:.1f})">{legend}</g></svg>',
     ]
     return "".join(parts)
+
+
+def _sees_path(comparison: Comparison, view: View) -> bool:
+    """Whether any of the camera's path lies inside the picture: it may have passed farther away."""
+    points = view.pixels(comparison.path)
+    return bool(((points >= 0) & (points <= [view.width_px, view.height_px])).all(axis=1).any())
 
 
 def _plural(word: str, count: int) -> str:
@@ -215,7 +221,7 @@ def _labels(marks: Sequence[Mark], view: View, style: MapStyle) -> str:
     return "".join(texts)
 
 
-def _legend(comparison: Comparison, width_px: float, style: MapStyle) -> tuple[str, float]:
+def _legend(comparison: Comparison, with_path: bool, width_px: float, style: MapStyle) -> tuple[str, float]:
     """The kinds that occur, how many of each, and what else is drawn; and the height of it all, pixels."""
     row_px, key_px = 1.9 * style.font_px, 2.2 * style.font_px
     items: list[tuple[str, str]] = []
@@ -224,7 +230,7 @@ def _legend(comparison: Comparison, width_px: float, style: MapStyle) -> tuple[s
             count = sum(mark.kind == kind for mark in marks)
             if count:
                 items.append((kind, f"{words} {count}"))
-    items += [("path", "camera path")] if len(comparison.path) else []
+    items += [("path", "camera path")] if with_path else []
     items += [("", f"not drawn, too far away: {_ids(comparison.left_out)}")] if comparison.left_out else []
     x, y, parts = 6.0, row_px, []
     for kind, words in items:
