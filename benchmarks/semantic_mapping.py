@@ -65,6 +65,7 @@ COUNTED = {
     "visible": f"G: those objects that were in view for {ENOUGH_KEYFRAMES} keyframes or more; a landmark of another present object counts "
     "neither way",
     "false_positives": "landmarks without an object: duplicates, ghosts and false ones",
+    "seconds_per_keyframe": "all stages but drawing; variants share one text model in a process, so that the first one pays for new words",
     "std": "sample standard deviation over the runs",
 }
 
