@@ -6,7 +6,7 @@ import numpy as np
 
 from seo_slam.datasets.trajectory_files import interpolate_pose, read_trajectory, usual_max_gap_s
 from seo_slam.errors import ConfigError
-from seo_slam.geometry import FloatArray, inverse, so3_log
+from seo_slam.geometry import FloatArray, inverse
 from seo_slam.records import Trajectory
 from seo_slam.types import Frame, Motion
 
@@ -21,34 +21,32 @@ class RecordedOdometry:
     def __init__(
         self,
         trajectory: Trajectory | str | Path,
-        sigma_m: float = 0.01,
-        sigma_share: float = 0.01,
-        sigma_deg: float = 0.2,
-        sigma_turn_share: float = 0.01,
+        sigma_m: float = 0.002,
+        sigma_deg: float = 0.05,
+        walk_m: float = 0.01,
+        walk_deg: float = 0.5,
         max_gap_s: float | None = None,
         lost_sigma_m: float = 0.5,
         lost_sigma_deg: float = 30.0,
     ) -> None:
         """Take poses, or read them from a TUM file.
 
-        The noise is that of one step between frames given to ``update``: one standard deviation is ``sigma_m + sigma_share * length``
-        along each axis and ``sigma_deg + sigma_turn_share * turn`` about each. The pipeline gives every frame, so the noise between
-        keyframes grows with the root of the number of frames between them; give less than the default for a fast camera with
-        exact poses.
+        The noise is a random walk: the variance of a step is that of its two poses, and grows with the distance travelled. The defaults
+        are those of a fair robot, 1 cm and half a degree on the first metre.
 
         Args:
             trajectory: poses ``T_world_camera``, or their file.
-            sigma_m: metres a step.
-            sigma_share: metres a metre of the step.
-            sigma_deg: degrees a step.
-            sigma_turn_share: degrees a degree of the step.
+            sigma_m: metres a step, along each axis.
+            sigma_deg: degrees a step, about each axis.
+            walk_m: metres a root metre travelled.
+            walk_deg: degrees a root metre travelled.
             max_gap_s: poses farther apart are not interpolated; None: ``usual_max_gap_s``.
             lost_sigma_m: metres, of the guess while lost.
             lost_sigma_deg: degrees, of the guess while lost.
 
         Raises:
             DatasetError: the file cannot be read.
-            ConfigError: a noise that is not above 0, a share below 0, an empty trajectory.
+            ConfigError: a noise that is not above 0, a walk below 0, an empty trajectory.
         """
         for name, value in (
             ("sigma_m", sigma_m),
@@ -59,14 +57,14 @@ class RecordedOdometry:
         ):
             if not value > 0:
                 raise ConfigError(f"recorded odometry: {name}: got {value}, wanted above 0")
-        if not (sigma_share >= 0 and sigma_turn_share >= 0):
-            raise ConfigError(f"recorded odometry: got shares {sigma_share} and {sigma_turn_share}, wanted 0 or more")
+        if not (walk_m >= 0 and walk_deg >= 0):
+            raise ConfigError(f"recorded odometry: got walk_m {walk_m} and walk_deg {walk_deg}, wanted 0 or more")
         self.trajectory = trajectory if isinstance(trajectory, Trajectory) else read_trajectory(trajectory)
         if not len(self.trajectory):
             raise ConfigError("recorded odometry: the trajectory holds no poses")
         self.max_gap_s = usual_max_gap_s(self.trajectory) if max_gap_s is None else max_gap_s
-        self._sigma_m, self._sigma_share = sigma_m, sigma_share
-        self._sigma_rad, self._sigma_turn_share = np.radians(sigma_deg), sigma_turn_share
+        self._sigma_m, self._walk_m = sigma_m, walk_m
+        self._sigma_rad, self._walk_rad = np.radians(sigma_deg), np.radians(walk_deg)
         self._lost = _covariance(np.radians(lost_sigma_deg), lost_sigma_m)
         self._T_world_previous: FloatArray | None = None
 
@@ -79,8 +77,10 @@ class RecordedOdometry:
         self._T_world_previous = T_world_camera
         T_previous_current = inverse(previous) @ T_world_camera
         step_m = float(np.linalg.norm(T_previous_current[:3, 3]))
-        turn_rad = float(np.linalg.norm(so3_log(T_previous_current[:3, :3])))
-        covariance = _covariance(self._sigma_rad + self._sigma_turn_share * turn_rad, self._sigma_m + self._sigma_share * step_m)
+        root_m = float(np.sqrt(step_m))
+        covariance = _covariance(
+            float(np.hypot(self._sigma_rad, self._walk_rad * root_m)), float(np.hypot(self._sigma_m, self._walk_m * root_m))
+        )
         return Motion(T_previous_current, covariance, T_world_camera=T_world_camera)
 
     def _lost_at(self, timestamp_s: float) -> Motion:

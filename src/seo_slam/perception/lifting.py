@@ -89,8 +89,9 @@ def _lift(box_px: FloatArray, mask: BoolArray | None, truncated: BoolArray, fram
     inside = densest_window(depth_m, weight, length_m=float(np.clip(0.5 * rough_m, 0.05, 1.0)))
     if inside.stop - inside.start < settings.min_points:
         return None
-    z = _weighted_median(depth_m[inside], weight[inside])
-    size_m = side_px / (camera.fx, camera.fy) * z
+    surface_m = _weighted_median(depth_m[inside], weight[inside])
+    size_m = side_px / (camera.fx, camera.fy) * surface_m
+    z = surface_m + (0.0 if mask is None else _behind_m(depth_m[inside], size_m))  # what recedes in a box may be what lies behind
     x, y = _ray(centre_px, camera)
     cloud = _cloud(uv[inside], depth_m[inside], camera)
     return _Lifted(
@@ -99,6 +100,16 @@ def _lift(box_px: FloatArray, mask: BoolArray | None, truncated: BoolArray, fram
         size_m=size_m,
         cloud=cloud,
     )
+
+
+def _behind_m(depth_m: FloatArray, size_m: FloatArray) -> float:
+    """How far a thing's centre is expected behind its seen surface, of which the depths (M,) rise.
+
+    A surface without depth may be a sheet (nothing) or the face of a box (half its depth); one that recedes is a body: then half
+    as far again as it is seen to recede, at most a quarter of the shorter side.
+    """
+    low, high = depth_m[int(0.1 * len(depth_m))], depth_m[int(0.9 * (len(depth_m) - 1))]
+    return 0.5 * min(float(high - low), 0.5 * float(size_m.min()))
 
 
 def _object_pixels(
@@ -146,7 +157,7 @@ def _covariance(x: float, y: float, z: float, size_m: FloatArray, truncated: Boo
     """Gamma of Eq 2: box noise across the line of sight; depth noise and the unknown half-depth along it.
 
     The depth of the surface is measured, the object's centre lies behind it by an unknown amount, taken as uniform between
-    nothing (a sheet) and half the shorter side (a ball): standard deviation side / sqrt(48). Where the image border cuts the box,
+    nothing (a sheet) and half the shorter side (a box): standard deviation side / sqrt(48). Where the image border cuts the box,
     the true edge lies somewhere outside: about a third of what is seen, and at least ``UNSEEN_SIGMA_M``, since of a large thing only a
     sliver may be seen.
     """
