@@ -242,16 +242,3 @@ def _average_edges(
     shaded, _ = _shade(world, parts, _cast(world, xy, T_world_camera), xy, T_world_camera, 1.0 / camera.fx)
     total = colours[edge.ravel()] + shaded.reshape(len(u), len(_SUBPIXELS), 3).sum(axis=1)
     colours[edge.ravel()] = total / (1.0 + len(_SUBPIXELS))
-
-
-def render_instances(world: World, camera: Camera, T_world_camera: FloatArray) -> Rendered:
-    """Return depth and instances as ``render`` does, without light or colour (all black): for layouts, which only ask what is in view."""
-    hits = _cast(world, camera.rays().reshape(-1, 2), T_world_camera)
-    ids = np.array([thing.id for thing in world for _ in thing.parts] + [STRUCTURE_ID], dtype=np.int32)
-    size = (camera.height, camera.width)
-    return Rendered(
-        rgb=np.zeros((*size, 3), dtype=np.uint8),
-        depth_m=np.where(np.isfinite(hits.t), hits.t, 0.0).astype(np.float32).reshape(size),
-        instance_ids=ids[hits.part].reshape(size),
-        covered_px=hits.covered_px,
-    )

@@ -8,9 +8,10 @@ import numpy as np
 from seo_slam.errors import ConfigError
 from seo_slam.geometry import FloatArray
 from seo_slam.simulation.catalogue import pose
-from seo_slam.simulation.placement import Surfaces, box_gap_m
+from seo_slam.simulation.placement import Surfaces, box_gap_m, gap_m
 from seo_slam.simulation.room_models import RoomModel
 from seo_slam.simulation.room_structure import RoomStructure, inside_room
+from seo_slam.simulation.sightlines import Sightlines
 from seo_slam.simulation.world import Thing
 
 APART_M = 0.025
@@ -19,9 +20,12 @@ COPIES_M = 0.18
 """… and copies of one label come this near to another copy (the paper's rooms: 2 to 20 cm)."""
 
 _WALL_M = 0.04
+_PATH_M = 0.5  # things on the floor keep this far from the camera's path
+_SEEN_SHARE = 0.25  # of the path, by sightlines
+_HIDES_M = 0.7  # what is farther off is hidden only now and then
 _TURNS, _SPOTS = 14, 30  # tries for one thing: turns, and spots for each
 _CLUSTERS = 25  # tries for all copies of a label
-_TALL_M, _LOW_M = 0.22, 0.12
+_TALL_M, _LOW_M, _FLAT_M = 0.22, 0.12, 0.05  # flat things are only seen well in front
 _OUTLET_M = (0.12, 0.45)  # height of the outlet above the table tops
 
 
@@ -37,10 +41,11 @@ class _Area:
 class Layout:
     """The places found so far in a room."""
 
-    def __init__(self, structure: RoomStructure, surfaces: Surfaces, models: Sequence[RoomModel]) -> None:
+    def __init__(self, structure: RoomStructure, surfaces: Surfaces, sightlines: Sightlines, models: Sequence[RoomModel]) -> None:
         """Begin with an empty room; thing ``k + 1`` has model ``k``."""
         self.structure = structure
         self._surfaces = surfaces
+        self._sightlines = sightlines
         self._models = models
         self.things: dict[int, Thing] = {}
         labels = list(dict.fromkeys(model.label for model in models))
@@ -72,7 +77,7 @@ class Layout:
         model = self._models[thing.id - 1]
         for moved in self._candidates(model, thing.id, self._areas(model, 0.0), draws):
             far = float(np.linalg.norm(moved.p_world - thing.p_world)) >= least_m
-            if far and self._clear(moved, others) and (rested := self._rested(moved)) is not None:
+            if far and (rested := self._settled(moved, others)) is not None:
                 return rested
         return None
 
@@ -107,9 +112,21 @@ class Layout:
             else self._candidates(model, thing_id, self._areas(model, floor_side), draws)
         )
         for candidate in spots:
-            if self._clear(candidate, others) and (rested := self._rested(candidate)) is not None:
+            if (rested := self._settled(candidate, others)) is not None:
                 return rested
         return None
+
+    def _settled(self, thing: Thing, others: Sequence[Thing]) -> Thing | None:
+        """The thing let down where it is: if it is clear of the others, stands, is seen from enough of the path, and hides no neighbour."""
+        rested = self._rested(thing) if self._clear(thing, others) else None
+        if rested is None or self._sightlines.share(rested, others) < _SEEN_SHARE:
+            return None
+        for other in others:
+            if gap_m(other, rested) < _HIDES_M:
+                rest = [*(third for third in others if third is not other), rested]
+                if self._sightlines.share(other, rest) < _SEEN_SHARE:
+                    return None
+        return rested
 
     def _candidates(self, model: RoomModel, thing_id: int, areas: list[_Area], draws: np.random.Generator) -> Iterator[Thing]:
         """Poses drawn from areas, the middle of the thing's box in them; not yet at the right height."""
@@ -130,7 +147,7 @@ class Layout:
             half, middle = (high - low)[:2] / 2.0, turned.p_world[:2]
             for _ in range(_SPOTS):
                 other_low, other_high = copies[int(draws.integers(len(copies)))].bounds_world
-                axis = 0 if draws.random() < 0.75 else 1
+                axis = 0 if draws.random() < (0.3 if model.on_floor else 0.75) else 1
                 reach = (other_high - other_low)[:2] / 2.0 + half
                 offset = np.empty(2)
                 offset[axis] = float(draws.choice((-1.0, 1.0))) * (reach[axis] + draws.uniform(APART_M + 0.005, 0.9 * COPIES_M))
@@ -149,23 +166,27 @@ class Layout:
                 end = row.high_m[0] if side > 0 else row.low_m[0]
                 near, far = sorted((end + 0.1 * side, end + 1.1 * side))
                 weight = 3.0 if side == floor_side else 1.0
-                areas.append(_Area((near, row.low_m[1] - 0.1), (far, self.structure.size_m[1] - 0.2), weight))
+                areas.append(_Area((near, row.low_m[1] + 0.1), (far, self.structure.size_m[1] - 0.2), weight))
+            areas.append(_Area((row.low_m[0], row.low_m[1] - 0.5), (row.high_m[0], row.low_m[1] - 0.25), 0.5))
             return areas
         low, high = model.bounds
         tall = float((high - low)[2])
-        band = (0.45, 1.0) if tall > _TALL_M else (0.0, 0.6) if tall < _LOW_M else (0.1, 0.85)
+        band = (0.45, 1.0) if tall > _TALL_M else (0.0, 0.4) if tall < _FLAT_M else (0.0, 0.6) if tall < _LOW_M else (0.1, 0.85)
         areas = []
         for table in self.structure.tables:
             (x0, y0, _), (x1, y1, _) = table.bounds_world
             deep = y1 - y0
             areas.append(_Area((x0, y0 + band[0] * deep), (x1, y0 + band[1] * deep), (x1 - x0) * deep))
-            areas.append(_Area((x0, y0), (x1, y1), 0.3 * (x1 - x0) * deep))
+            if tall >= _FLAT_M:
+                areas.append(_Area((x0, y0), (x1, y1), 0.3 * (x1 - x0) * deep))
         return areas
 
     def _clear(self, thing: Thing, others: Sequence[Thing]) -> bool:
         """Whether it keeps its distance from all others, judged in the plane: no thing stands above another."""
         low, high = thing.bounds_world
         if not inside_room(low, high, self.structure.size_m, _WALL_M):
+            return False
+        if self._models[thing.id - 1].on_floor and self._sightlines.clearance_m(thing) < _PATH_M:
             return False
         if not others:
             return True

@@ -13,9 +13,10 @@ from seo_slam.simulation.trajectory import look_at
 WALK_S = 199 / 6.0
 """How long the whole walk takes: 200 frames at 6 a second."""
 
-_DISTANCE_M = 1.85  # from the line that the walk goes around, which runs _INSIDE_M behind the front of the row
+_DISTANCE_M = 1.95  # from the line that the walk goes around, which runs _INSIDE_M behind the front of the row
 _INSIDE_M = 0.2
 _SHORTER_M = 0.4  # that line ends this far before the ends of the row
+_BEYOND_M = 0.4  # the gaze goes this far beyond the ends of the row, and stays longer there: chairs and bins
 _RAMP = 0.12  # share of a pass in which it is sped up, and slowed down
 
 
@@ -67,12 +68,12 @@ class RoomWalk:
         centre, normal = self._rail(along)
         eyes = np.empty((len(share), 3))
         eyes[:, :2] = centre + distance_m[:, None] * normal
-        eyes[:, 2] = 1.45 + self._rise_m * np.tanh((0.5 - share) / 0.06) + 0.1 * sway[1]
+        eyes[:, 2] = 1.5 + self._rise_m * np.tanh((0.5 - share) / 0.06) + 0.08 * sway[1]
         middle_y = (self.row.low_m[1] + self.row.high_m[1]) / 2.0
         targets = np.empty_like(eyes)
-        targets[:, 0] = self.row.middle_x_m + (self.row.half_m + 0.2) * along + 0.12 * sway[2]
+        targets[:, 0] = self.row.middle_x_m + (self.row.half_m + _BEYOND_M) * along * (1.3 - 0.3 * along**2) + 0.12 * sway[2]
         targets[:, 1] = middle_y
-        targets[:, 2] = self.row.top_m - 0.08 + 0.06 * sway[3]
+        targets[:, 2] = self.row.top_m - 0.14 + 0.06 * sway[3]
         return np.stack([look_at(eye, target) for eye, target in zip(eyes, targets, strict=True)])
 
     def trajectory(self, frames: int) -> Trajectory:

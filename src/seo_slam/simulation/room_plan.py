@@ -16,18 +16,19 @@ from seo_slam.simulation.room_layout import APART_M, COPIES_M, Layout
 from seo_slam.simulation.room_models import RoomModel, choose_models, choose_tables
 from seo_slam.simulation.room_path import WALK_S, RoomWalk
 from seo_slam.simulation.room_structure import RoomStructure, build_structure
-from seo_slam.simulation.room_views import GOOD_SHARE, InstanceRenderer, instance_renderer, well_seen
+from seo_slam.simulation.room_views import GOOD_SHARE, RoomViews
 from seo_slam.simulation.scene import Event
+from seo_slam.simulation.sightlines import Sightlines
 from seo_slam.simulation.world import Thing, World
 
 REMOVED, MOVED = 2, 3
 """How many things are taken away, and moved, halfway."""
 
 _LAYOUTS = 12  # tries for a whole room
-_REPAIRS = 8  # rounds of new places for what is not seen, in one of them
+_REPAIRS = 16  # rounds of new places for what is not seen, in one of them
 _CHANGES = 12  # tries for the scene change
-_VIEWS = 16  # in each half of the walk
-_FILLED = 0.45  # share of the table tops that things may take
+_VIEWS = 20  # in each half of the walk
+_FILLED = 0.5  # share of the table tops that things may take
 _FARTHER_M = (0.5, 0.5, 0.5, 0.3)  # how far a thing is moved at least, by try
 _LARGEST_MOVED_M = 0.5
 _TABLES = {"SM": 1, "MD": 2, "LG": 3}
@@ -58,15 +59,15 @@ def plan_room(room: str, seed: int = 0, library: MeshLibrary | None = None, chan
     """
     models = choose_models(room, seed, library)
     tables = choose_tables(_TABLES[room[:2]], _needed_m2(models), seed, room, library)
-    draw = instance_renderer(library is not None)
     trouble = ""
     for attempt in range(_LAYOUTS):
         structure = build_structure(tables, seed, room, attempt)
-        layout = Layout(structure, Surfaces(structure.world, _caster(structure.world, library)), models)
         walk = RoomWalk(structure.row, seed, f"{room} {attempt}")
+        layout = Layout(structure, Surfaces(structure.world, _caster(structure.world, library)), Sightlines(_views(walk)), models)
+        views = RoomViews(_views(walk), library is not None)
         try:
-            start = _furnished(layout, walk, draw, (seed, room, attempt))
-            changed = _change(layout, start, walk, draw, (seed, room, attempt)) if changes else ()
+            start = _furnished(layout, views, (seed, room, attempt))
+            changed = _change(layout, start, views, (seed, room, attempt)) if changes else ()
         except ConfigError as error:
             trouble = str(error)
             continue
@@ -90,13 +91,12 @@ def _caster(world: World, library: MeshLibrary | None) -> Caster:
     return EmbreeCaster(world)
 
 
-def _furnished(layout: Layout, walk: RoomWalk, draw: InstanceRenderer, key: tuple[int | str, ...]) -> World:
+def _furnished(layout: Layout, views: RoomViews, key: tuple[int | str, ...]) -> World:
     """Place everything, then place again what is not seen well in both halves of the walk."""
     layout.place_all(generator(*key, "places"))
-    before, after = _views(walk)
     for repair in range(_REPAIRS):
         world = _with(layout.structure, layout.things.values())
-        shares = well_seen(world, before, draw), well_seen(world, after, draw)
+        shares = views.well_seen(world, 0), views.well_seen(world, 1)
         hidden = [thing.label for thing in world.things if min(share[thing.id] for share in shares) < GOOD_SHARE]
         if not hidden:
             return world
@@ -105,9 +105,7 @@ def _furnished(layout: Layout, walk: RoomWalk, draw: InstanceRenderer, key: tupl
     raise ConfigError(f"no place from which the {hidden[0]} is seen well")
 
 
-def _change(
-    layout: Layout, start: World, walk: RoomWalk, draw: InstanceRenderer, key: tuple[int | str, ...]
-) -> tuple[tuple[Event, Thing], ...]:
+def _change(layout: Layout, start: World, views: RoomViews, key: tuple[int | str, ...]) -> tuple[tuple[Event, Thing], ...]:
     """Choose what is taken away and what is moved, so that all that is left is seen well afterwards."""
     trouble = "no three things that can be moved"
     for attempt in range(_CHANGES):
@@ -120,7 +118,7 @@ def _change(
         if moved is None:
             continue
         end = _with(layout.structure, (*untouched, *moved))
-        shares = well_seen(end, _views(walk)[1], draw)
+        shares = views.well_seen(end, 1)
         hidden = [thing.label for thing in end.things if shares[thing.id] < GOOD_SHARE]
         if not hidden:
             return (*(("removed", thing) for thing in chosen[:REMOVED]), *(("moved", thing) for thing in moved))

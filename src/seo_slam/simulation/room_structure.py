@@ -15,8 +15,8 @@ from seo_slam.simulation.textures import Rgb
 from seo_slam.simulation.world import STRUCTURE_ID, Light, Part, Thing, World
 
 CEILING_M = 2.6
-_FLOOR_BESIDE_M = 2.3  # between the ends of the row and the walls: chairs, and the ends of the walk
-_BEFORE_M = 2.75  # between the front of the row and the wall behind the camera
+_FLOOR_BESIDE_M = 2.4  # between the ends of the row and the walls: chairs, and the ends of the walk
+_BEFORE_M = 2.9  # between the front of the row and the wall behind the camera
 _WALLS: tuple[tuple[Rgb, Rgb], ...] = (
     ((0.80, 0.79, 0.72), (0.62, 0.68, 0.66)),
     ((0.74, 0.79, 0.81), (0.58, 0.64, 0.72)),
