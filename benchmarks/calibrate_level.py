@@ -13,8 +13,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from run_options import LEVEL_FILE, add_options, fail_early
 from semantic_mapping import evaluate
-from simulated_runs import LEVEL_FILE, Failure, Job, add_options, fail_early, mean_and_std, report_failures, settings_of
+from simulated_runs import Failure, Job, mean_and_std, report_failures, settings_of
 
 TARGET_F1 = 0.635
 """Mean of RG's six rooms in the paper's Table II: .53 .60 .71 .79 .62 .56."""

@@ -26,11 +26,10 @@ from life_judging import (
     taken_ids,
 )
 from life_watch import LifeWatch, Moment, old_places
+from run_options import add_options, fail_early
 from simulated_runs import (
     Failure,
     Job,
-    add_options,
-    fail_early,
     in_parallel,
     make_recording,
     report_failures,

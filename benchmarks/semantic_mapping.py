@@ -14,12 +14,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from run_options import add_options, fail_early
 from simulated_runs import (
     VARIANTS,
     Failure,
     Job,
-    add_options,
-    fail_early,
     in_parallel,
     make_recording,
     mean_and_std,

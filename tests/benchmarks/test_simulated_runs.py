@@ -3,18 +3,8 @@ import json
 
 import numpy as np
 import pytest
-from simulated_runs import (
-    VARIANTS,
-    Failure,
-    Job,
-    add_options,
-    frozen_level,
-    in_parallel,
-    jobs_from,
-    keyframes_of,
-    knobs_of,
-    run_variants,
-)
+from run_options import add_options, frozen_level, jobs_from
+from simulated_runs import VARIANTS, Failure, Job, in_parallel, keyframes_of, knobs_of, run_variants
 
 from seo_slam.backends.hashed_embedder import HashedEmbedder
 from seo_slam.backends.recorded_odometry import RecordedOdometry
