@@ -21,10 +21,10 @@ COPIES_M = 0.18
 
 _WALL_M = 0.04
 _PATH_M = 0.5  # things on the floor keep this far from the camera's path
-_SEEN_SHARE = 0.25  # of the path, by sightlines
+_SEEN_SHARE, _FLOOR_SEEN_SHARE = 0.25, 0.2  # of the path, by sightlines
 _HIDES_M = 0.7  # what is farther off is hidden only now and then
-_TURNS, _SPOTS = 14, 30  # tries for one thing: turns, and spots for each
-_CLUSTERS = 25  # tries for all copies of a label
+_TURNS, _SPOTS = 8, 25  # tries for one thing: turns, and spots for each
+_CLUSTERS = 20  # tries for all copies of a label
 _TALL_M, _LOW_M, _FLAT_M = 0.22, 0.12, 0.05  # flat things are only seen well in front
 _OUTLET_M = (0.12, 0.45)  # height of the outlet above the table tops
 
@@ -36,6 +36,23 @@ class _Area:
     low: tuple[float, float]
     high: tuple[float, float]
     weight: float = 1.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Spot:
+    """A turned thing (at the world's origin), how far it is to be shifted in the plane, and the box (3,), (3,) it then has."""
+
+    turned: Thing
+    shift_xy: FloatArray
+    low: FloatArray
+    high: FloatArray
+
+    @classmethod
+    def of(cls, turned: Thing, xy: FloatArray) -> "_Spot":
+        """The spot at which the middle of the thing's box is at ``xy``."""
+        low, high = turned.bounds_world
+        shift = xy - ((low + high) / 2.0)[:2]
+        return cls(turned, shift, low + np.append(shift, 0.0), high + np.append(shift, 0.0))
 
 
 class Layout:
@@ -75,10 +92,10 @@ class Layout:
     def elsewhere(self, thing: Thing, others: Sequence[Thing], draws: np.random.Generator, least_m: float) -> Thing | None:
         """Return a thing at a new place on a table at least ``least_m`` away, clear of all others; None if none was found."""
         model = self._models[thing.id - 1]
-        for moved in self._candidates(model, thing.id, self._areas(model, 0.0), draws):
-            far = float(np.linalg.norm(moved.p_world - thing.p_world)) >= least_m
-            if far and (rested := self._settled(moved, others)) is not None:
-                return rested
+        for spot in self._spots(model, thing.id, self._areas(model, 0.0), draws):
+            far = float(np.linalg.norm(((spot.low + spot.high) / 2.0 - thing.p_world)[:2])) >= least_m
+            if far and (moved := self._settled(spot, others)) is not None:
+                return moved
         return None
 
     def _difficulty(self, label: str) -> tuple[int, float]:
@@ -107,44 +124,41 @@ class Layout:
             return self._on_wall(model, thing_id, draws)
         others = [*self.things.values(), *copies]
         spots = (
-            self._beside(model, thing_id, copies, draws)
-            if copies
-            else self._candidates(model, thing_id, self._areas(model, floor_side), draws)
+            self._beside(model, thing_id, copies, draws) if copies else self._spots(model, thing_id, self._areas(model, floor_side), draws)
         )
-        for candidate in spots:
-            if (rested := self._settled(candidate, others)) is not None:
-                return rested
-        return None
+        return next((placed for spot in spots if (placed := self._settled(spot, others)) is not None), None)
 
-    def _settled(self, thing: Thing, others: Sequence[Thing]) -> Thing | None:
-        """The thing let down where it is: if it is clear of the others, stands, is seen from enough of the path, and hides no neighbour."""
-        rested = self._rested(thing) if self._clear(thing, others) else None
-        if rested is None or self._sightlines.share(rested, others) < _SEEN_SHARE:
+    def _settled(self, spot: _Spot, others: Sequence[Thing]) -> Thing | None:
+        """The thing let down at a spot: if it is clear of the others, stands, is seen from enough of the path, and hides no neighbour."""
+        thing = self._rested(spot) if self._clear(spot, others) else None
+        if thing is None or not self._is_seen(thing, others):
             return None
         for other in others:
-            if gap_m(other, rested) < _HIDES_M:
-                rest = [*(third for third in others if third is not other), rested]
-                if self._sightlines.share(other, rest) < _SEEN_SHARE:
+            if gap_m(other, thing) < _HIDES_M:
+                rest = [*(third for third in others if third is not other), thing]
+                if not self._is_seen(other, rest):
                     return None
-        return rested
+        return thing
 
-    def _candidates(self, model: RoomModel, thing_id: int, areas: list[_Area], draws: np.random.Generator) -> Iterator[Thing]:
-        """Poses drawn from areas, the middle of the thing's box in them; not yet at the right height."""
+    def _is_seen(self, thing: Thing, others: Sequence[Thing]) -> bool:
+        least = _FLOOR_SEEN_SHARE if self._models[thing.id - 1].on_floor else _SEEN_SHARE
+        return self._sightlines.share(thing, others) >= least
+
+    def _spots(self, model: RoomModel, thing_id: int, areas: list[_Area], draws: np.random.Generator) -> Iterator[_Spot]:
+        """Spots drawn from areas, the middle of the thing's box in them."""
         weights = np.array([area.weight for area in areas])
         for _ in range(_TURNS):
             turned = self._turned(model, thing_id, draws)
-            middle = turned.p_world
             for _ in range(_SPOTS):
                 area = areas[int(draws.choice(len(areas), p=weights / weights.sum()))]
-                xy = draws.uniform(area.low, area.high)
-                yield turned.at(_shifted(turned.T_world_thing, xy - middle[:2]))
+                yield _Spot.of(turned, draws.uniform(area.low, area.high))
 
-    def _beside(self, model: RoomModel, thing_id: int, copies: list[Thing], draws: np.random.Generator) -> Iterator[Thing]:
-        """Poses beside a copy: mostly to its left or right, a few centimetres from box to box."""
+    def _beside(self, model: RoomModel, thing_id: int, copies: list[Thing], draws: np.random.Generator) -> Iterator[_Spot]:
+        """Spots beside a copy: mostly to its left or right, a few centimetres from box to box."""
         for _ in range(_TURNS):
             turned = self._turned(model, thing_id, draws)
             low, high = turned.bounds_world
-            half, middle = (high - low)[:2] / 2.0, turned.p_world[:2]
+            half = (high - low)[:2] / 2.0
             for _ in range(_SPOTS):
                 other_low, other_high = copies[int(draws.integers(len(copies)))].bounds_world
                 axis = 0 if draws.random() < (0.3 if model.on_floor else 0.75) else 1
@@ -152,8 +166,7 @@ class Layout:
                 offset = np.empty(2)
                 offset[axis] = float(draws.choice((-1.0, 1.0))) * (reach[axis] + draws.uniform(APART_M + 0.005, 0.9 * COPIES_M))
                 offset[1 - axis] = 0.6 * draws.uniform(-1.0, 1.0) * reach[1 - axis]
-                xy = ((other_low + other_high) / 2.0)[:2] + offset
-                yield turned.at(_shifted(turned.T_world_thing, xy - middle))
+                yield _Spot.of(turned, ((other_low + other_high) / 2.0)[:2] + offset)
 
     def _turned(self, model: RoomModel, thing_id: int, draws: np.random.Generator) -> Thing:
         return model.thing(thing_id, pose(omega=(0.0, 0.0, float(draws.uniform(-model.turn_rad, model.turn_rad)))))
@@ -166,7 +179,7 @@ class Layout:
                 end = row.high_m[0] if side > 0 else row.low_m[0]
                 near, far = sorted((end + 0.1 * side, end + 1.1 * side))
                 weight = 3.0 if side == floor_side else 1.0
-                areas.append(_Area((near, row.low_m[1] + 0.1), (far, self.structure.size_m[1] - 0.2), weight))
+                areas.append(_Area((near, row.low_m[1] - 0.1), (far, self.structure.size_m[1] - 0.2), weight))
             areas.append(_Area((row.low_m[0], row.low_m[1] - 0.5), (row.high_m[0], row.low_m[1] - 0.25), 0.5))
             return areas
         low, high = model.bounds
@@ -181,30 +194,26 @@ class Layout:
                 areas.append(_Area((x0, y0), (x1, y1), 0.3 * (x1 - x0) * deep))
         return areas
 
-    def _clear(self, thing: Thing, others: Sequence[Thing]) -> bool:
+    def _clear(self, spot: _Spot, others: Sequence[Thing]) -> bool:
         """Whether it keeps its distance from all others, judged in the plane: no thing stands above another."""
-        low, high = thing.bounds_world
-        if not inside_room(low, high, self.structure.size_m, _WALL_M):
+        if not inside_room(spot.low, spot.high, self.structure.size_m, _WALL_M):
             return False
-        if self._models[thing.id - 1].on_floor and self._sightlines.clearance_m(thing) < _PATH_M:
+        if self._models[spot.turned.id - 1].on_floor and self._sightlines.clearance_m(spot.low, spot.high) < _PATH_M:
             return False
         if not others:
             return True
         lows, highs = (np.array([other.bounds_world[k][:2] for other in others if other.kind != "fixed"]).reshape(-1, 2) for k in (0, 1))
-        return bool((box_gap_m(low[:2], high[:2], lows, highs) >= APART_M).all())
+        return bool((box_gap_m(spot.low[:2], spot.high[:2], lows, highs) >= APART_M).all())
 
-    def _rested(self, thing: Thing) -> Thing | None:
+    def _rested(self, spot: _Spot) -> Thing | None:
         """The thing let down on what is straight below it, if that is one level piece, and the right one."""
-        low, high = thing.bounds_world
-        footing = self._surfaces.below(low[:2] - 0.01, high[:2] + 0.01, self.structure.size_m[2] - 0.2)
+        footing = self._surfaces.below(spot.low[:2] - 0.01, spot.high[:2] + 0.01, self.structure.size_m[2] - 0.2)
         if footing is None:
             return None
         on_table = any(footing.owner is table for table in self.structure.tables)
-        if on_table == self._models[thing.id - 1].on_floor:
+        if on_table == self._models[spot.turned.id - 1].on_floor:
             return None
-        T = thing.T_world_thing.copy()
-        T[2, 3] += footing.at_m - low[2]
-        return thing.at(T)
+        return spot.turned.at(_shifted(spot.turned.T_world_thing, np.append(spot.shift_xy, footing.at_m - spot.low[2])))
 
     def _on_wall(self, model: RoomModel, thing_id: int, draws: np.random.Generator) -> Thing | None:
         """The outlet: flat on the wall behind the row, above the table tops."""
@@ -221,7 +230,7 @@ class Layout:
         return None
 
 
-def _shifted(T_world_thing: FloatArray, xy: FloatArray) -> FloatArray:
+def _shifted(T_world_thing: FloatArray, shift: FloatArray) -> FloatArray:
     T = T_world_thing.copy()
-    T[:2, 3] += xy
+    T[:3, 3] += shift
     return T

@@ -16,8 +16,8 @@ WALK_S = 199 / 6.0
 _DISTANCE_M = 1.95  # from the line that the walk goes around, which runs _INSIDE_M behind the front of the row
 _INSIDE_M = 0.2
 _SHORTER_M = 0.4  # that line ends this far before the ends of the row
-_BEYOND_M = 0.4  # the gaze goes this far beyond the ends of the row, and stays longer there: chairs and bins
-_RAMP = 0.12  # share of a pass in which it is sped up, and slowed down
+_BEYOND_M = 0.5  # the gaze goes this far beyond the ends of the row, and stays longer there: chairs and bins
+_RAMP = 0.17  # share of a pass in which it is sped up, and slowed down
 
 
 @dataclass(frozen=True, slots=True)

@@ -25,6 +25,7 @@ REMOVED, MOVED = 2, 3
 """How many things are taken away, and moved, halfway."""
 
 _LAYOUTS = 12  # tries for a whole room
+_SAME_TABLES, _LARGER = 2, 1.25  # so many layouts with tables of one area, then with a larger
 _REPAIRS = 16  # rounds of new places for what is not seen, in one of them
 _CHANGES = 12  # tries for the scene change
 _VIEWS = 20  # in each half of the walk
@@ -58,9 +59,11 @@ def plan_room(room: str, seed: int = 0, library: MeshLibrary | None = None, chan
         MissingBackendError: meshes, and the extra ``sim`` is not installed.
     """
     models = choose_models(room, seed, library)
-    tables = choose_tables(_TABLES[room[:2]], _needed_m2(models), seed, room, library)
+    needed_m2 = _needed_m2(models)
     trouble = ""
     for attempt in range(_LAYOUTS):
+        if attempt % _SAME_TABLES == 0:  # in vain so far: larger tables
+            tables = choose_tables(_TABLES[room[:2]], needed_m2 * _LARGER ** (attempt // _SAME_TABLES), seed, room, library)
         structure = build_structure(tables, seed, room, attempt)
         walk = RoomWalk(structure.row, seed, f"{room} {attempt}")
         layout = Layout(structure, Surfaces(structure.world, _caster(structure.world, library)), Sightlines(_views(walk)), models)

@@ -20,6 +20,7 @@ class Sightlines:
         """Take the poses (N, 4, 4), ``T_world_camera``, of each part of a path."""
         camera = simulated_camera()
         self._halves = [np.asarray(poses) for poses in halves]
+        self._eyes = np.concatenate([poses[:, :2, 3] for poses in self._halves])
         self._slope = np.array([camera.width / 2.0 / camera.fx, camera.height / 2.0 / camera.fy]) * (1.0 - 2.0 * _MARGIN)
 
     def share(self, thing: Thing, others: Sequence[Thing]) -> float:
@@ -29,11 +30,9 @@ class Sightlines:
         boxes = np.array([other.bounds_world for other in others]).reshape(-1, 2, 3)
         return min(float((self._seen(poses, points, boxes) >= _CLEAR_POINTS).mean()) for poses in self._halves)
 
-    def clearance_m(self, thing: Thing) -> float:
-        """Return how near the path comes to a thing's box, in the plane."""
-        low, high = (corner[:2] for corner in thing.bounds_world)
-        eyes = np.concatenate([poses[:, :2, 3] for poses in self._halves])
-        return float(np.linalg.norm(np.maximum(np.maximum(low - eyes, eyes - high), 0.0), axis=1).min())
+    def clearance_m(self, low: FloatArray, high: FloatArray) -> float:
+        """Return how near the poses come to a box with corners (3,), in the plane."""
+        return float(np.linalg.norm(np.maximum(np.maximum(low[:2] - self._eyes, self._eyes - high[:2]), 0.0), axis=1).min())
 
     def _seen(self, poses: FloatArray, points: FloatArray, boxes: FloatArray) -> FloatArray:
         """How many of the points (P, 3) each pose (N, 4, 4) sees past boxes (M, 2, 3)."""
