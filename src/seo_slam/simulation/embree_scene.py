@@ -17,7 +17,6 @@ Floats32 = NDArray[np.float32]
 Ints32 = NDArray[np.int32]
 
 _STEP_M = 1e-4  # beyond a wall that is passed from outside
-_FEWEST_RAYS = 20_000  # a thread of its own is worth it from here on
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -39,6 +38,14 @@ class TriangleHits:
     v: Floats32
     normals: Floats32
 
+    def take(self, others: "TriangleHits", where: BoolArray) -> None:
+        """Take over some hits (N,) of others, in place; ``geometry`` then counts in two scenes."""
+        for own, other in ((self.t, others.t), (self.geometry, others.geometry), (self.triangle, others.triangle)):
+            np.copyto(own, other, where=where)
+        np.copyto(self.u, others.u, where=where)
+        np.copyto(self.v, others.v, where=where)
+        np.copyto(self.normals, others.normals, where=where[:, None])
+
 
 class RayScene:
     """A tree over the triangles of shapes, each at its own pose."""
@@ -57,6 +64,11 @@ class RayScene:
         if placed:
             self._scene.run(np.zeros((1, 3), np.float32), np.ones((1, 3), np.float32))  # builds the tree here, not in some thread
 
+    @property
+    def is_empty(self) -> bool:
+        """Whether there is nothing to hit."""
+        return not self._meshes
+
     def cast(self, origins: Floats32, directions: Floats32) -> TriangleHits:
         """Return the nearest hits of rays from (N, 3) along (N, 3); a room's walls are passed from outside."""
         hits = self._nearest(origins, directions)
@@ -71,10 +83,12 @@ class RayScene:
         return hits
 
     def blocked(self, origins: Floats32, directions: Floats32) -> BoolArray:
-        """Return (N,) whether anything at all lies on each ray."""
+        """Return (N,) whether anything at all lies on each ray from (N, 3) along (N, 3), or (3,) if all are parallel."""
         if not self._meshes or not len(origins):
             return np.zeros(len(origins), dtype=np.bool_)
-        return np.asarray(self._scene.run(origins, directions, query="OCCLUDED") >= 0)
+        along = np.empty_like(origins)
+        along[:] = directions
+        return np.asarray(self._scene.run(origins, along, query="OCCLUDED") >= 0)
 
     def _nearest(self, origins: Floats32, directions: Floats32) -> TriangleHits:
         count = len(origins)
@@ -101,3 +115,13 @@ class RayScene:
 def own_scene(parts: tuple[Part, ...]) -> RayScene:
     """Return the tree of one thing's parts in its own frame; made once for all things and worlds that share the parts."""
     return RayScene([(part, part.T_thing_part) for part in parts])
+
+
+def turned(v: NDArray[np.floating], R: FloatArray) -> FloatArray:
+    """Return ``R @ v`` for rows v (N, 3), written out: a matrix product would wake the threads of the linear algebra library."""
+    out = np.empty((3, len(v)))
+    for row, (a, b, c) in zip(out, R, strict=True):
+        np.multiply(v[:, 0], a, out=row)
+        row += b * v[:, 1]
+        row += c * v[:, 2]
+    return out.T

@@ -16,8 +16,8 @@ from seo_slam.simulation.primitives import row_dots
 from seo_slam.simulation.world import STRUCTURE_ID, Part, Thing, World, box_corners
 from seo_slam.types import BoolArray, IntArray
 
-_SUBPIXELS = np.array([[-0.35, -0.12], [0.28, -0.25], [0.07, 0.37]])  # beside the ray through the middle
-_SKY = np.array([0.75, 0.82, 0.9])
+SUBPIXELS = np.array([[-0.35, -0.12], [0.28, -0.25], [0.07, 0.37]])  # beside the ray through the middle
+SKY = np.array([0.75, 0.82, 0.9])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -139,7 +139,7 @@ def _shade(
     pixel_at_1m: float,
 ) -> tuple[FloatArray, BoolArray]:
     """Return colours (N, 3) in 0..1 and whether light falls on each point (N,)."""
-    colours = np.broadcast_to(_SKY, (len(xy), 3)).copy()
+    colours = np.broadcast_to(SKY, (len(xy), 3)).copy()
     facing, glow = np.zeros(len(xy)), np.zeros(len(xy))
     p_camera = np.concatenate([xy, np.ones((len(xy), 1))], axis=1) * np.where(np.isfinite(hits.t), hits.t, 1.0)[:, None]
     p_world = _turned(p_camera, T_world_camera[:3, :3]) + T_world_camera[:3, 3]
@@ -179,7 +179,7 @@ def _in_shadow(world: World, p_world: FloatArray) -> BoolArray:
     to_light = world.light.direction_world
     across = np.linalg.svd(to_light[None, :])[2][1:]  # two axes at right angles to the light
     shaded = np.zeros(len(p_world), dtype=np.bool_)
-    shading = [thing for thing in world if not _holds_the_room(thing)]
+    shading = [thing for thing in world if not holds_the_room(thing)]
     corners = [thing.corners_world() @ np.vstack([across, to_light]).T for thing in shading]
     if not shading:
         return shaded
@@ -208,7 +208,7 @@ def _below_box(seen: FloatArray, corners: FloatArray) -> IntArray:
     return np.flatnonzero(inside)
 
 
-def _holds_the_room(thing: Thing) -> bool:
+def holds_the_room(thing: Thing) -> bool:
     """Structure larger than 2.5 m across is wall or floor: light comes in through it."""
     low, high = thing.bounds_thing
     return thing.id == STRUCTURE_ID and float((high - low)[:2].max()) > 2.5
@@ -237,8 +237,8 @@ def _average_edges(
     v, u = np.nonzero(edge)
     if not len(u):
         return
-    uv = np.stack([u, v], axis=-1)[:, None, :] + _SUBPIXELS
+    uv = np.stack([u, v], axis=-1)[:, None, :] + SUBPIXELS
     xy = camera.undistort(uv.reshape(-1, 2))
     shaded, _ = _shade(world, parts, _cast(world, xy, T_world_camera), xy, T_world_camera, 1.0 / camera.fx)
-    total = colours[edge.ravel()] + shaded.reshape(len(u), len(_SUBPIXELS), 3).sum(axis=1)
-    colours[edge.ravel()] = total / (1.0 + len(_SUBPIXELS))
+    total = colours[edge.ravel()] + shaded.reshape(len(u), len(SUBPIXELS), 3).sum(axis=1)
+    colours[edge.ravel()] = total / (1.0 + len(SUBPIXELS))

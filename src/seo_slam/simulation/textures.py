@@ -48,7 +48,7 @@ class Texture:
         count, size = self.levels.shape[:2]
         texel_m = max(self.tile_m) / size
         level = np.clip(np.round(np.log2(np.maximum(footprint_m / texel_m, 1e-6)) + 0.5), 0, count - 1).astype(np.int64)
-        u, v = self._coordinates(p_shape, normals)
+        u, v = self.coordinates(p_shape, normals)
         x, y = u * size - 0.5, v * size - 0.5
         x0, y0 = np.floor(x), np.floor(y)
         fx, fy = (x - x0)[:, None], (y - y0)[:, None]
@@ -59,7 +59,8 @@ class Texture:
         lower = image[level, i1, j0] * (1.0 - fx) + image[level, i1, j1] * fx
         return np.asarray(upper * (1.0 - fy) + lower * fy, dtype=np.float64)
 
-    def _coordinates(self, p: FloatArray, normals: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def coordinates(self, p: FloatArray, normals: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return where points (N, 3) of the shape lie in the image, in repetitions: (N,) to the right and (N,) down."""
         width, height = self.tile_m
         if self.mapping == "wrap":
             u, v = np.arctan2(p[:, 1], p[:, 0]) / (2.0 * np.pi) + 0.5, 0.5 - p[:, 2] / height
