@@ -94,7 +94,8 @@ def draw_floor_plan(seed: int, layout: int, room_names: tuple[str, ...], size_m:
     """Return a plan of as many rooms as names; the first name goes to the largest room.
 
     Args:
-        seed, layout: keys of the draws.
+        seed: key of the draws.
+        layout: another one.
         room_names: what the rooms are used for.
         size_m: of the whole, x and y.
     """
@@ -192,4 +193,4 @@ def _wall(axis: int, across: tuple[float, float], along: tuple[float, float], z:
 def _slab(x: tuple[float, float], y: tuple[float, float], z: tuple[float, float], paint: Texture) -> Part:
     low, high = np.array([x[0], y[0], z[0]]), np.array([x[1], y[1], z[1]])
     size, middle = high - low, (low + high) / 2.0
-    return Part(Box((float(size[0]), float(size[1]), float(size[2]))), paint, pose(*(float(v) for v in middle)))
+    return Part(Box((float(size[0]), float(size[1]), float(size[2]))), paint, pose(float(middle[0]), float(middle[1]), float(middle[2])))

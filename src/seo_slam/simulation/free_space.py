@@ -12,7 +12,7 @@ from scipy import ndimage
 
 from seo_slam.errors import ConfigError
 from seo_slam.geometry import FloatArray
-from seo_slam.simulation.casting import Caster, PrimitiveCaster, caster_for, parts_of
+from seo_slam.simulation.casting import Caster, PrimitiveCaster, RayHits, caster_for, parts_of
 from seo_slam.simulation.world import World
 from seo_slam.types import BoolArray, IntArray
 
@@ -21,7 +21,8 @@ ROBOT_HEIGHT_M = 1.5
 CELL_M = 0.05
 
 _STEP_OVER_M = 0.05  # a carpet or a threshold is no obstacle
-_THIN_M = 0.02  # thinner than this, what hangs over a place cannot be told from the top of a solid
+_SOLID_M = 1.5  # no cupboard is deeper or wider on either side
+_SKY_M = 20.0
 _SLICES_M = (0.12, 0.3, 0.5, 0.7, 0.9, 1.1, 1.35)
 _MOST_SURFACES = 400  # along one ray; a bookcase full of books has about a hundred
 
@@ -138,22 +139,28 @@ def obstacles_of(world: World) -> World:
 def _blocked_from_above(grid: FreeSpace, caster: Caster, z_floor_m: float, height_m: float) -> BoolArray:
     """Which cells hold something with a top, or lie inside a solid, or have no floor."""
     xy = grid.middles(np.argwhere(np.ones_like(grid.occupied)))
-    z_sky = 20.0
-    top_m = z_sky - _first_hit(caster, xy, z_sky, -1.0) - z_floor_m
+    top_m = _SKY_M - _cast(caster, xy, _SKY_M, (0.0, 0.0, -1.0)).t - z_floor_m
     blocked = (top_m > _STEP_OVER_M) | ~np.isfinite(top_m)
     tall = np.flatnonzero(np.isfinite(top_m) & (top_m > height_m))
     if len(tall):
-        head = z_floor_m + height_m
-        under_m = _first_hit(caster, xy[tall], head, 1.0) + height_m  # the underside of what hangs above
-        solid = under_m > top_m[tall] - _THIN_M
-        stands_m = height_m - _first_hit(caster, xy[tall], head, -1.0)
-        blocked[tall] = solid | (stands_m > _STEP_OVER_M)
+        head_m = z_floor_m + height_m
+        stands_m = height_m - _cast(caster, xy[tall], head_m, (0.0, 0.0, -1.0)).t
+        blocked[tall] = (stands_m > _STEP_OVER_M) | _inside_a_solid(caster, xy[tall], head_m)
     return blocked.reshape(grid.occupied.shape)
 
 
-def _first_hit(caster: Caster, xy: FloatArray, z: float, up: float) -> FloatArray:
-    p = np.column_stack([xy, np.full(len(xy), z)])
-    return caster.cast(p, np.tile([0.0, 0.0, up], (len(xy), 1))).t
+def _inside_a_solid(caster: Caster, xy: FloatArray, z: float) -> BoolArray:
+    """Whether points are shut in by one and the same part, above and on all sides nearby: a cupboard without a gap."""
+    above = _cast(caster, xy, z, (0.0, 0.0, 1.0))
+    shut = np.isfinite(above.t)
+    for direction in ((1.0, 0.0, 0.0), (-1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, -1.0, 0.0)):
+        beside = _cast(caster, xy, z, direction)
+        shut &= (beside.part == above.part) & (beside.t < _SOLID_M)
+    return shut
+
+
+def _cast(caster: Caster, xy: FloatArray, z: float, direction: tuple[float, float, float]) -> RayHits:
+    return caster.cast(np.column_stack([xy, np.full(len(xy), z)]), np.tile(direction, (len(xy), 1)))
 
 
 def _crossed(grid: FreeSpace, caster: Caster, axis: int, heights: list[float]) -> BoolArray:

@@ -69,7 +69,8 @@ class Standpoints:
 
         Args:
             thing: what to stand near.
-            most_m, least_m: distance in the plane.
+            most_m: largest distance in the plane.
+            least_m: smallest one.
             radius_m: clearance that the place must have, in the main part of the floor.
             every_m: spacing of the places.
             to_box: measure from the edge of its box and not from its middle.
