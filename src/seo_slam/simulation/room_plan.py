@@ -51,7 +51,7 @@ class RoomPlan:
 
 
 def plan_room(room: str, seed: int = 0, library: MeshLibrary | None = None, changes: bool = True) -> RoomPlan:
-    """Plan a room; a function of its arguments alone.
+    """Plan a room; a function of its arguments alone. Without changes it is the same room, in which nothing changes.
 
     Raises:
         ConfigError: no such room, a label without a mesh, or a thing that found no place from which it is seen.
@@ -70,11 +70,11 @@ def plan_room(room: str, seed: int = 0, library: MeshLibrary | None = None, chan
         views = RoomViews(_views(walk), library is not None)
         try:
             start = _furnished(layout, views, (seed, room, attempt))
-            changed = _change(layout, start, views, (seed, room, attempt)) if changes else ()
+            changed = _change(layout, start, views, (seed, room, attempt))
         except ConfigError as error:
             trouble = str(error)
             continue
-        return RoomPlan(start, changed, walk)
+        return RoomPlan(start, changed if changes else (), walk)
     raise ConfigError(f"room {room}, seed {seed}: {trouble}; gave up after {_LAYOUTS} layouts")
 
 
