@@ -17,9 +17,8 @@ from seo_slam.simulation.renderer import holds_the_room
 from seo_slam.simulation.world import STRUCTURE_ID, World
 from seo_slam.types import BoolArray
 
-_BAND = 1 << 15
-"""Rays that are drawn together: few enough for the processor's cache, and not dependent on the machine, so that the same input gives
-the same bytes."""
+_BAND, _FEWEST = 40_000, 4_000
+"""Most rays that are drawn together: few enough for the processor's cache. Fewer than 4000 are not divided."""
 _MOST_THREADS = 8
 
 
@@ -79,18 +78,17 @@ class CompiledWorld:
         count = len(x)
         view = View(np.empty(count, np.float32), np.empty(count, np.int32), np.empty((3, count), np.float32), np.empty(count, np.bool_))
 
-        def draw(first: int) -> None:
-            rays = slice(first, min(first + _BAND, count))
+        def draw(rays: slice) -> None:
             self._draw(x[rays], y[rays], eye, shadows, View(view.t[rays], view.part[rays], view.colours[:, rays], view.lit[rays]))
 
-        bands = range(0, count, _BAND)
+        bands = _bands(count)
         threads = min(_threads(), len(bands))
         if threads > 1:
             with ThreadPoolExecutor(threads) as pool:
                 list(pool.map(draw, bands))
         else:
-            for first in bands:
-                draw(first)
+            for band in bands:
+                draw(band)
         return view
 
     def _tree(self, indices: Sequence[int]) -> tuple[RayScene, Ints32]:
@@ -129,6 +127,13 @@ class CompiledWorld:
 def compiled(world: World) -> CompiledWorld:
     """Return a world made ready; the last few are kept."""
     return CompiledWorld(world)
+
+
+def _bands(count: int) -> list[slice]:
+    """Divide rays into an even number of bands of one size. It does not depend on the machine: the same input gives the same bytes."""
+    number = 1 if count < _FEWEST else 2 * -(-count // (2 * _BAND))
+    edges = [count * k // number for k in range(number + 1)]
+    return [slice(first, end) for first, end in zip(edges, edges[1:], strict=False)]
 
 
 def _threads() -> int:

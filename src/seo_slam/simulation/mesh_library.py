@@ -123,7 +123,7 @@ def _model(manifest: Path, index: int, row: Any) -> MeshModel:
     if texts["kind"] not in get_args(ThingKind):
         raise DatasetError(f"{where}: kind: got {texts['kind']!r}, wanted one of {', '.join(get_args(ThingKind))}")
     faces = row.get("faces", 0)
-    if not isinstance(faces, int) or faces < 0:
+    if not isinstance(faces, int) or isinstance(faces, bool) or faces < 0:
         raise DatasetError(f"{where}: faces: got {faces!r}, wanted a whole number")
     return MeshModel(
         name=texts["name"],
@@ -132,15 +132,15 @@ def _model(manifest: Path, index: int, row: Any) -> MeshModel:
         kind=row["kind"],
         size_m=_size(where, row.get("size")),
         faces=faces,
-        licence=str(row.get("licence", "")),
-        creator=str(row.get("creator", "")),
+        licence=_text(where, row, "licence", needed=False),
+        creator=_text(where, row, "creator", needed=False),
     )
 
 
-def _text(where: str, row: dict[str, Any], key: str) -> str:
-    value = row.get(key)
-    if not isinstance(value, str) or not value:
-        raise DatasetError(f"{where}: {key}: got {value!r}, wanted a word")
+def _text(where: str, row: dict[str, Any], key: str, needed: bool = True) -> str:
+    value = row.get(key, None if needed else "")
+    if not isinstance(value, str) or (needed and not value):
+        raise DatasetError(f"{where}: {key}: got {value!r}, wanted words")
     return value
 
 
