@@ -87,10 +87,10 @@ class LifeSettings(Settings):
 
     enabled: bool = Field(True, description="off: a landmark counts once seen often enough, and nothing is ever removed but by agents")
     vanishing: float = Field(0.002, gt=0, lt=1, description="prior chance that a thing was taken away since it was last seen")
-    stable_existence: float = Field(0.3, gt=0, lt=1, description="existence from which a landmark is stable")
+    stable_existence: float = Field(0.5, gt=0, lt=1, description="existence from which a landmark is stable")
     stable_share: float = Field(0.1, ge=0, le=1, description="and in what share of the views in which it should be seen it must have been")
-    lost_existence: float = Field(0.1, gt=0, lt=1, description="a stable landmark below it is lost")
-    removed_existence: float = Field(0.03, gt=0, lt=1, description="a landmark below it leaves the map")
+    lost_existence: float = Field(0.3, gt=0, lt=1, description="a stable landmark below it is lost")
+    removed_existence: float = Field(0.1, gt=0, lt=1, description="a landmark below it leaves the map")
     removed_misses: int = Field(3, ge=1, description="after at least so many keyframes in which it should have been seen")
     removed_seconds: float = Field(1.0, ge=0, description="and so long after it was last seen")
 

@@ -125,6 +125,14 @@ class Smoother(Protocol):
         """Give all measurements of ``drop_id`` to ``keep_id``."""
         ...
 
+    def rename(self, old_id: int, new_id: int) -> None:
+        """Give a landmark another id, one that the graph does not hold (any more): a thing that moved keeps its name.
+
+        Raises:
+            UnknownLandmarkError: there is no ``old_id``, or a landmark ``new_id`` already.
+        """
+        ...
+
     def positions(self) -> tuple[IntArray, FloatArray]:
         """Ids (N,) and positions (N, 3), world frame, of all landmarks, by rising id."""
         ...

@@ -136,9 +136,9 @@ class Pipeline:
         self._old_map = None if map is None else map.with_embeddings(self.parts.embedder)
         next_id = max(self.parts.store.next_id(), 0 if map is None else map.next_id)
         self._objects = ObjectMap(self.config.map, self.parts.embedder.size, next_id)
-        self._life: LifeCycle | SightingsOnly = (
-            LifeCycle(self.config.life, self.config.lifting, self._objects) if self.config.life.enabled else SightingsOnly(self._objects)
-        )
+        self._life: LifeCycle | SightingsOnly = SightingsOnly(self._objects)
+        if self.config.life.enabled:
+            self._life = LifeCycle(self.config.life, self.config.lifting, self._objects, self._likelihood)
         self._keeper = Keeper(self.parts, self._objects)
         self.clock = StageClock()
         self._counts = _Counts()

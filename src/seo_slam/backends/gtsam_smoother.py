@@ -150,6 +150,21 @@ class GtsamSmoother:
             self._measure(keep_id, *measurement)
         self._flush(dropped.indices)
 
+    def rename(self, old_id: int, new_id: int) -> None:
+        """See ``interfaces.Smoother``."""
+        self._known(old_id)
+        if new_id in self._landmarks:
+            raise UnknownLandmarkError(f"landmark {old_id} cannot be named {new_id}: the graph holds one of that id")
+        p_world = self._isam.calculateEstimatePoint3(L(old_id))
+        old = self._take_out(old_id)
+        self._landmarks[new_id] = _LandmarkFactors()
+        self._new_values.insert(L(new_id), p_world)
+        for prior in old.priors:
+            self._add_prior(new_id, *prior)
+        for measurement in old.measurements:
+            self._measure(new_id, *measurement)
+        self._flush(old.indices)
+
     def positions(self) -> tuple[IntArray, FloatArray]:
         """See ``interfaces.Smoother``."""
         if self._positions is None:

@@ -67,22 +67,35 @@ class Sightings:
         return Sightings(hits, views - hits, last.tail, last.free, self.gaps + other.gaps)
 
 
-def existence(sightings: Sightings, recall: BetaRate, outlasting: float, vanishing: float) -> float:
-    """Return the probability that the landmark is there now.
+@dataclass(frozen=True, slots=True)
+class Belief:
+    """Probabilities that a landmark is there, that it never was, and that it was and is gone; they sum to 1."""
+
+    there: float
+    false: float
+    gone: float
+
+
+def believe(sightings: Sightings, recall: BetaRate, outlasting: float, vanishing: float) -> Belief:
+    """Weigh the three explanations.
 
     Args:
         sightings: of it.
         recall: the rates at which things are found.
-        outlasting: chance that a thing that is there goes unfound for as long as the tail.
+        outlasting: chance that a thing that is there goes unfound for as long as the tail; what its own rate makes of the tail
+            counts if that is more.
         vanishing: prior probability that a thing was taken away since it was last seen.
     """
     free = min(sightings.free, MOST_FREE_VIEWS)
     hits, misses, tail = sightings.hits, sightings.misses, sightings.tail
     found_before = _log_likelihood(hits, misses, recall)
-    there = found_before + np.log(outlasting) + free * np.log(FREE_WHEN_THERE)
+    unfound_since = max(_log_likelihood(hits, misses + tail, recall) - found_before, float(np.log(outlasting)))
+    there = found_before + unfound_since + free * np.log(FREE_WHEN_THERE)
     false = np.log(FALSE_SHARE) + _log_likelihood(hits, misses + tail, FALSE_RATE) + free * np.log(FREE_WHEN_FALSE)
     gone = np.log(vanishing) + found_before + tail * np.log(1.0 - HITS_WHEN_GONE) + free * np.log(FREE_WHEN_GONE)
-    return float(1.0 / (1.0 + np.exp(np.clip(false - there, -50, 50)) + np.exp(np.clip(gone - there, -50, 50))))
+    weights = np.exp(np.array([there, false, gone]) - max(there, false, gone))
+    shares = (weights / weights.sum()).tolist()
+    return Belief(*shares)
 
 
 def _log_likelihood(hits: float, misses: float, rate: BetaRate) -> float:

@@ -7,10 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from seo_slam.association.label_likelihood import LabelLikelihood
 from seo_slam.config import LifeSettings, LiftingSettings
 from seo_slam.geometry import FloatArray
 from seo_slam.interfaces import Smoother
-from seo_slam.mapping.existence import Sightings, existence
+from seo_slam.mapping.existence import Belief, Sightings, believe
+from seo_slam.mapping.moves import Moves
 from seo_slam.mapping.object_map import ObjectMap, Thing
 from seo_slam.mapping.recall import MeasuredGaps, measured_recall
 from seo_slam.mapping.sight import DepthView, Sight, look
@@ -42,11 +44,12 @@ class _Buried:
 class LifeCycle:
     """Keeps every landmark's existence; decides what becomes stable, is lost, is found again, or leaves the map."""
 
-    def __init__(self, settings: LifeSettings, lifting: LiftingSettings, object_map: ObjectMap) -> None:
-        """Watch over the things of ``object_map``."""
+    def __init__(self, settings: LifeSettings, lifting: LiftingSettings, object_map: ObjectMap, likelihood: LabelLikelihood) -> None:
+        """Watch over the things of ``object_map``; ``likelihood`` compares labels."""
         self._settings = settings
         self._lifting = lifting
         self._map = object_map
+        self._moves = Moves(lifting, object_map, likelihood)
         self._buried: dict[int, _Buried] = {}
 
     def step(self, view: DepthView, hits: IntArray, smoother: Smoother) -> list[MapEvent]:
@@ -77,9 +80,11 @@ class LifeCycle:
         events = []
         for thing in touched:
             own = thing.sightings
-            thing.existence = existence(own, recall, gaps.outlasting(own.tail, own.gaps), self._settings.vanishing)
-            events += self._judge(thing, p_world[int(np.searchsorted(ids, thing.id))], view.timestamp_s, smoother)
-        return events
+            belief = believe(own, recall, gaps.outlasting(own.tail, own.gaps), self._settings.vanishing)
+            thing.existence = belief.there
+            events += self._judge(thing, belief, p_world[int(np.searchsorted(ids, thing.id))], view.timestamp_s, smoother)
+        self._moves.remember(view)
+        return events + self._moves.resolve(smoother)
 
     def _weigh(self, thing: Thing, sight: Sight, row: int, hit: bool) -> bool:
         """Count a view for or against a landmark; False if it says nothing."""
@@ -92,17 +97,23 @@ class LifeCycle:
             thing.sightings.miss(bool(sight.through[row] >= SEEN_THROUGH))
         return hit or plain
 
-    def _judge(self, thing: Thing, p_world: FloatArray, now_s: float, smoother: Smoother) -> list[MapEvent]:
+    def _judge(self, thing: Thing, belief: Belief, p_world: FloatArray, now_s: float, smoother: Smoother) -> list[MapEvent]:
         settings = self._settings
         sure = thing.existence >= settings.stable_existence and _found_share(thing) >= settings.stable_share
         if thing.state == "tentative" and sure and self._map.is_confirmed(thing):
+            self._moves.became_stable(thing, p_world)
             return [self._becomes(thing, "stable", "stable")]
         if thing.state == "lost" and sure:
+            self._moves.is_back(thing.id)
             return [self._becomes(thing, "stable", "found")]
         if thing.state == "stable" and thing.existence < settings.lost_existence:
+            if belief.gone >= belief.false:
+                self._moves.vanished(thing, p_world)
             return [self._becomes(thing, "lost", "lost")]
         hopeless = thing.existence < settings.removed_existence and thing.sightings.tail >= settings.removed_misses
         if hopeless and now_s - thing.last_seen_s >= settings.removed_seconds:
+            if belief.gone < belief.false:
+                self._moves.is_back(thing.id)
             return [self._remove(thing, p_world, smoother)]
         return []
 

@@ -290,6 +290,23 @@ class ObjectMap:
                 self.seen_apart[low, high] += times
         self.forget(drop_id)
 
+    def rename(self, new_id: int, old: Thing) -> None:
+        """Let the thing ``new_id`` go on as ``old``, which left the map: what was known of it still holds, but its place."""
+        thing = self[new_id]
+        apart = {sum(pair) - new_id: times for pair, times in self.seen_apart.items() if new_id in pair}
+        self.forget(new_id)
+        for word, weight in old.weights.items():
+            thing.weights[word] = thing.weights.get(word, 0.0) + weight
+        thing.embedding_sum = thing.embedding_sum + old.embedding_sum
+        thing.observations += old.observations
+        thing.first_seen_s = old.first_seen_s
+        thing.fixed_label, thing.fixed_embedding = old.fixed_label, old.fixed_embedding
+        thing.id, thing.version = old.id, old.version + 1
+        thing.changed()
+        self.things[old.id] = thing
+        for other, times in apart.items():
+            self.seen_apart[min(other, old.id), max(other, old.id)] = times
+
     def forget(self, landmark_id: int) -> None:
         """Drop a thing; its id stays used."""
         del self.things[self[landmark_id].id]

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 PRIOR_RATES = (0.9, 0.5, 0.1)
-"""Things believed to have been measured before the first one is; a wide guess that a few real ones outweigh."""
+"""Things believed to have been measured before the first one is, a wide guess; together they weigh as much as one."""
 
 LEAST_VIEWS = 5
 """A thing's rate is looked at after so many views in which it should have been seen."""
@@ -34,8 +34,11 @@ class BetaRate:
 def measured_recall(counts: Iterable[tuple[float, float]]) -> BetaRate:
     """Fit by moments the rates of things, given as (hits, misses) in views in which they should have been seen."""
     measured = sorted(hits / (hits + misses) for hits, misses in counts if hits + misses >= LEAST_VIEWS)
-    rates = np.array([*PRIOR_RATES, *measured[int((1.0 - SHARE_OF_THINGS) * len(measured)) :]])
-    mean, variance = float(rates.mean()), max(float(rates.var()), LEAST_VARIANCE)
+    things = measured[int((1.0 - SHARE_OF_THINGS) * len(measured)) :]
+    rates = np.array([*PRIOR_RATES, *things])
+    weights = np.array([1.0 / len(PRIOR_RATES)] * len(PRIOR_RATES) + [1.0] * len(things))
+    mean = float(np.average(rates, weights=weights))
+    variance = max(float(np.average((rates - mean) ** 2, weights=weights)), LEAST_VARIANCE)
     weight = float(np.clip(mean * (1.0 - mean) / variance - 1.0, *WEIGHTS))
     return BetaRate(mean * weight, (1.0 - mean) * weight)
 
@@ -43,8 +46,8 @@ def measured_recall(counts: Iterable[tuple[float, float]]) -> BetaRate:
 PRIOR_GAPS = 10.0
 """Gaps believed to have been measured at first; one in 1 + k of them lasted k views or more."""
 
-OWN_GAPS = 3.0
-"""A thing's own gaps count beside what is measured of all things, which is worth so many."""
+OWN_GAPS = 1.0
+"""A thing's own gaps count beside what is measured of all things, which is worth so many of them."""
 
 
 class MeasuredGaps:

@@ -15,6 +15,7 @@ from seo_slam.geometry import FloatArray
 from seo_slam.interfaces import Embedder
 from seo_slam.perception.boxes import truncated_sides
 from seo_slam.perception.fusion import coincident, distinct
+from seo_slam.perception.hidden_sides import hidden_sides
 from seo_slam.types import BoolArray, Detections, Frame, Observations
 
 CLOUD_POINTS = 200
@@ -47,6 +48,8 @@ def observe(detections: Detections, frame: Frame, settings: LiftingSettings, emb
     lifted: list[_Lifted] = []
     for row in chosen:
         mask = None if detections.masks is None or not detections.masks[row].any() else detections.masks[row]
+        if mask is not None:
+            truncated[row] |= hidden_sides(mask, frame.depth_m, boxes[row])
         one = _lift(boxes[row], mask, truncated[row], frame, settings)
         if one is not None:
             rows.append(int(row))

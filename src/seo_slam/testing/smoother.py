@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from seo_slam.errors import UnknownLandmarkError
 from seo_slam.geometry import FloatArray, exp, inverse, log
 from seo_slam.interfaces import Smoother
 from seo_slam.testing.clauses import require, require_array, require_covariance
@@ -27,7 +28,7 @@ def check_smoother(make_smoother: Callable[[], Smoother]) -> None:
         AssertionError: says which clause failed.
     """
     require(isinstance(make_smoother(), Smoother), make_smoother(), "lacks methods of Smoother")
-    for check in (_starts, _predicts, _corrects_drift, _removes, _merges, _continues_a_map, _bears_outliers):
+    for check in (_starts, _predicts, _corrects_drift, _removes, _merges, _renames, _continues_a_map, _bears_outliers):
         check(make_smoother())
 
 
@@ -166,6 +167,26 @@ def _merges(smoother: Smoother) -> None:
     require(float(np.linalg.norm(p_world[0] - point.p_world[0])) < 0.02, smoother, "merge moved the landmark that stays")
     after = float(np.trace(smoother.covariances(keep)[0]))
     require(after < 0.9 * before, smoother, f"merge lost measurements: variance was {before:.3g}, is {after:.3g} with twice as many")
+
+
+def _renames(smoother: Smoother) -> None:
+    landmarks = tiny_landmarks()
+    _drive(smoother, landmarks)
+    first, second = (int(i) for i in landmarks.ids[:2])
+    ids, p_world = smoother.positions()
+    moved_to = p_world[ids == second][0]
+    smoother.remove(first)
+    smoother.rename(second, first)
+    ids, p_world = smoother.positions()
+    require(second not in ids and first in ids, smoother, f"after rename({second}, {first}) positions has {ids.tolist()}")
+    require(bool(np.allclose(p_world[ids == first][0], moved_to, atol=2e-3)), smoother, "rename moved the landmark")
+    seen = tiny_observations(p_world[ids == first], ("cup",), tiny_trajectory(7)[6])
+    smoother.update(_motion(6), seen, np.array([first]))
+    try:
+        smoother.rename(int(landmarks.ids[2]), first)
+    except UnknownLandmarkError:
+        return
+    require(False, smoother, "rename to an id that is taken did not raise UnknownLandmarkError")
 
 
 def _continues_a_map(smoother: Smoother) -> None:
