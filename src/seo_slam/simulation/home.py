@@ -10,8 +10,9 @@ from typing import Any
 from seo_slam.simulation.detector_knobs import DetectorKnobs
 from seo_slam.simulation.free_space import FreeSpace
 from seo_slam.simulation.mesh_library import MeshLibrary
-from seo_slam.simulation.relocation import anchor_of, relocated, removed
+from seo_slam.simulation.relocation import relocated, removed
 from seo_slam.simulation.rendering import RendererName
+from seo_slam.simulation.resting import anchors_of
 from seo_slam.simulation.scene import Scene, SceneChange
 from seo_slam.simulation.sensors import SensorKnobs
 from seo_slam.simulation.simulated_recording import SimulatedRecording, simulated_camera
@@ -105,10 +106,10 @@ class SimulatedHome(SimulatedRecording):
     def truth(self) -> dict[str, Any]:
         """As of every recording; objects also have their ``kind``, and ``anchor``: the id of the furniture they stand on, or None."""
         truth = super().truth
+        anchors = anchors_of(self.scene.end)
         for row in truth["objects"]:
-            thing = self.scene.end.thing(row["id"])
-            row["kind"] = thing.kind
-            row["anchor"] = anchor_of(self.scene.end, thing.id) if thing.kind == "volatile" else None
+            row["kind"] = self.scene.end.thing(row["id"]).kind
+            row["anchor"] = anchors.get(row["id"])
         return truth
 
 

@@ -162,7 +162,8 @@ class Ellipsoid(Shape):
         near, far = _quadratic_roots(row_dots(d, d), row_dots(d, o), row_dots(o, o) - 1.0)
         if not self.flat_bottom:
             return _first(near, far)
-        return _first(*(np.where(p_shape[..., 2] + t * directions[:, 2] >= 0, t, np.inf) for t in (near, far)))
+        with np.errstate(invalid="ignore"):  # a level ray that misses: infinity times 0
+            return _first(*(np.where(p_shape[..., 2] + t * directions[:, 2] >= 0, t, np.inf) for t in (near, far)))
 
     def normals(self, p_shape: FloatArray) -> FloatArray:  # noqa: D102
         return _unit(p_shape / np.square(self.radii_m))
@@ -216,7 +217,8 @@ class Frustum(Shape):
             ox * dx + oy * dy - k * dz * radius,
             ox * ox + oy * oy - radius**2,
         )
-        best = _first(*(np.where(np.abs(oz + t * dz) <= half, t, np.inf) for t in (near, far)))
+        with np.errstate(invalid="ignore"):  # a level ray that misses: infinity times 0, which is nowhere on the wall
+            best = _first(*(np.where(np.abs(oz + t * dz) <= half, t, np.inf) for t in (near, far)))
         caps = ((self.bottom, -half, self.bottom_radius_m), (self.top, half, self.top_radius_m))
         for closed, z, cap_radius in caps:
             if closed:
@@ -267,8 +269,8 @@ class Torus(Shape):
         d = directions / length[:, None]
         low, high = self.bounds()
         enter, leave = _slabs(p_shape, d, (high - low) / 2.0 + 1e-3)
-        t = np.maximum(enter, 2.0 * NEAREST_M)
         walking, hit = (enter <= leave) & (leave > 0), np.zeros(len(d), dtype=np.bool_)
+        t = np.maximum(np.where(walking, enter, 0.0), 2.0 * NEAREST_M)
         for _ in range(64):
             if not walking.any():
                 break

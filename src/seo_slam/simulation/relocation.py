@@ -8,7 +8,7 @@ import numpy as np
 from seo_slam.errors import ConfigError
 from seo_slam.simulation.draws import generator
 from seo_slam.simulation.free_space import FreeSpace, free_space
-from seo_slam.simulation.resting import Carriers, anchor_of
+from seo_slam.simulation.resting import Carriers, anchor_of, anchors_of
 from seo_slam.simulation.scene import SceneChange
 from seo_slam.simulation.world import Thing, World
 
@@ -82,7 +82,8 @@ def removed(world: World, count: int, seed: int = 0, timestamp_s: float = 0.0, k
     Raises:
         ConfigError: more than there are.
     """
-    known = [thing for thing in carried_things(world) if thing.id not in keep and anchor_of(world, thing.id) is not None]
+    anchors = anchors_of(world)
+    known = [thing for thing in carried_things(world) if thing.id not in keep and anchors[thing.id] is not None]
     if not 0 <= count <= len(known):
         raise ConfigError(f"removal: got {count} things, wanted 0 to {len(known)}")
     order = generator(seed, "removal").permutation(len(known))[:count]

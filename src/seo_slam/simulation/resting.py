@@ -108,9 +108,15 @@ def anchor_of(world: World, thing_id: int) -> int | None:
     Raises:
         ConfigError: no such thing.
     """
-    thing = world.thing(thing_id)
+    world.thing(thing_id)
+    return anchors_of(world).get(thing_id)
+
+
+def anchors_of(world: World) -> dict[int, int | None]:
+    """Return, for each thing that people carry about, the id of the furniture on which it stands; None as in ``anchor_of``."""
     bare = replace(world, things=tuple(other for other in world.things if other.kind != "volatile"))
-    return carrier_below(thing, Surfaces(bare, home_caster(bare)))
+    surfaces = Surfaces(bare, home_caster(bare))
+    return {thing.id: carrier_below(thing, surfaces) for thing in world.things if thing.kind == "volatile"}
 
 
 def carrier_below(thing: Thing, surfaces: Surfaces) -> int | None:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from scipy.ndimage import gaussian_filter1d
+from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 
 from seo_slam.errors import ConfigError
 from seo_slam.geometry import FloatArray
@@ -16,18 +16,21 @@ from seo_slam.simulation.standpoints import EYE_M
 from seo_slam.simulation.tour_path import Line, Ways, smoothed, visiting_order
 from seo_slam.simulation.tour_stops import Stop
 from seo_slam.simulation.trajectory import look_at
+from seo_slam.types import IntArray
 
 RATE_HZ = 6.0
-SPEED_M_S = 0.5
+SPEED_M_S = 0.55
 MOST_TURN_RAD_S = np.radians(45.0)
 
 _TICK_S = 0.05
-_STOP_S = 1.4
+_STOP_S = 1.2
 _LOOK_BEFORE_M, _LOOK_AFTER_M = 0.8, 0.25  # along the path, the camera is on what it stops for
 _AHEAD_M = 1.2
+_TOO_SHORT_M = 1.5  # no look ahead between two stops that are no farther apart than this
 _LEVEL_RAD = -0.17  # how far it looks down while it walks
 _PITCH_RAD = (-0.72, 0.0)
 _TURN_SMOOTH_S, _WALK_SMOOTH_S = 0.45, 0.35
+_EASE_TICKS = 9
 _SWAY_M = 0.05
 
 
@@ -93,7 +96,8 @@ def plan_tour(free: FreeSpace, legs: Sequence[Sequence[Stop]], seed: int) -> Tou
     yaw, pitch = _gaze(line, walked_m, order, at_m)
     xy = line.at(walked_m)
     turn = np.hypot(np.diff(yaw), np.diff(pitch))
-    steps_s = np.maximum(_TICK_S, turn / (0.9 * MOST_TURN_RAD_S))  # turning takes its time
+    needed_s = np.maximum(_TICK_S, turn / (0.9 * MOST_TURN_RAD_S))  # turning takes its time, and one slows down for it
+    steps_s = gaussian_filter1d(maximum_filter1d(needed_s, _EASE_TICKS), _EASE_TICKS / 3.0)
     stamps_s = np.concatenate([[0.0], np.cumsum(steps_s)])
     height = EYE_M + _sway(stamps_s, generator(seed, "tour sway"))
     p_world = np.column_stack([xy, height])
@@ -164,11 +168,9 @@ def _gaze(line: Line, walked_m: FloatArray, order: Sequence[Stop], at_m: FloatAr
     ahead = np.where(np.linalg.norm(ahead, axis=1, keepdims=True) > 0.3, ahead, behind)
     yaw = np.arctan2(ahead[:, 1], ahead[:, 0])
     pitch = np.full(len(eyes), _LEVEL_RAD)
-    nearest = np.full(len(eyes), np.inf)
-    for stop, stop_m in zip(order, at_m, strict=True):
-        off_m = walked_m - stop_m
-        here = (off_m > -_LOOK_BEFORE_M) & (off_m < _LOOK_AFTER_M) & (np.abs(off_m) < nearest)
-        nearest[here] = np.abs(off_m[here])
+    looking = _stop_in_view(walked_m, at_m)
+    for k, stop in enumerate(order):
+        here = looking == k
         to_thing = stop.look_at_world[:2] - eyes[here]
         yaw[here] = np.arctan2(to_thing[:, 1], to_thing[:, 0])
         pitch[here] = np.clip(np.arctan2(stop.look_at_world[2] - EYE_M, np.linalg.norm(to_thing, axis=1)), *_PITCH_RAD)
@@ -177,6 +179,23 @@ def _gaze(line: Line, walked_m: FloatArray, order: Sequence[Stop], at_m: FloatAr
         np.asarray(gaussian_filter1d(np.unwrap(yaw), sigma, mode="nearest")),
         np.asarray(gaussian_filter1d(pitch, sigma, mode="nearest")),
     )
+
+
+def _stop_in_view(walked_m: FloatArray, at_m: FloatArray) -> IntArray:
+    """Index of the stop that the camera is on at each tick; -1 while it looks ahead, which it does only where there is time for it."""
+    looking = np.full(len(walked_m), -1, dtype=np.int64)
+    nearest = np.full(len(walked_m), np.inf)
+    for k, stop_m in enumerate(at_m):
+        off_m = walked_m - stop_m
+        here = (off_m > -_LOOK_BEFORE_M) & (off_m < _LOOK_AFTER_M) & (np.abs(off_m) < nearest)
+        nearest[here] = np.abs(off_m[here])
+        looking[here] = k
+    busy = np.flatnonzero(looking >= 0)
+    for last, first in pairwise(busy):
+        if first - last > 1 and walked_m[first] - walked_m[last] < _TOO_SHORT_M:
+            middle = (last + first) // 2
+            looking[last + 1 : middle], looking[middle:first] = looking[last], looking[first]
+    return looking
 
 
 def _direction(yaw: FloatArray, pitch: FloatArray) -> FloatArray:
