@@ -20,6 +20,7 @@ COPIES_M = 0.18
 """… and copies of one label come this near to another copy (the paper's rooms: 2 to 20 cm)."""
 
 _WALL_M = 0.04
+_RIM_M = 0.01  # of level surface around what stands on it
 _PATH_M = 0.5  # things on the floor keep this far from the camera's path
 _SEEN_SHARE, _FLOOR_SEEN_SHARE = 0.25, 0.2  # of the path, by sightlines
 _HIDES_M = 0.7  # what is farther off is hidden only now and then
@@ -64,6 +65,7 @@ class Layout:
         self._surfaces = surfaces
         self._sightlines = sightlines
         self._models = models
+        self._tables = np.array([[corner[:2] for corner in table.bounds_world] for table in structure.tables])
         self.things: dict[int, Thing] = {}
         labels = list(dict.fromkeys(model.label for model in models))
         self._ids = {label: [k + 1 for k, model in enumerate(models) if model.label == label] for label in labels}
@@ -198,16 +200,27 @@ class Layout:
         """Whether it keeps its distance from all others, judged in the plane: no thing stands above another."""
         if not inside_room(spot.low, spot.high, self.structure.size_m, _WALL_M):
             return False
-        if self._models[spot.turned.id - 1].on_floor and self._sightlines.clearance_m(spot.low, spot.high) < _PATH_M:
+        inside, beside = self._at_tables(spot.low[:2] - _RIM_M, spot.high[:2] + _RIM_M)
+        if self._models[spot.turned.id - 1].on_floor:
+            if not beside or self._sightlines.clearance_m(spot.low, spot.high) < _PATH_M:
+                return False
+        elif not inside:
             return False
         if not others:
             return True
         lows, highs = (np.array([other.bounds_world[k][:2] for other in others if other.kind != "fixed"]).reshape(-1, 2) for k in (0, 1))
         return bool((box_gap_m(spot.low[:2], spot.high[:2], lows, highs) >= APART_M).all())
 
+    def _at_tables(self, low: FloatArray, high: FloatArray) -> tuple[bool, bool]:
+        """Whether a rectangle lies within the box of one table, and whether it is outside of all: a cheap guess before rays are cast."""
+        lows, highs = self._tables[:, 0], self._tables[:, 1]
+        inside = ((low >= lows) & (high <= highs)).all(axis=1).any()
+        beside = ((low > highs) | (high < lows)).any(axis=1).all()
+        return bool(inside), bool(beside)
+
     def _rested(self, spot: _Spot) -> Thing | None:
         """The thing let down on what is straight below it, if that is one level piece, and the right one."""
-        footing = self._surfaces.below(spot.low[:2] - 0.01, spot.high[:2] + 0.01, self.structure.size_m[2] - 0.2)
+        footing = self._surfaces.below(spot.low[:2] - _RIM_M, spot.high[:2] + _RIM_M, self.structure.size_m[2] - 0.2)
         if footing is None:
             return None
         on_table = any(footing.owner is table for table in self.structure.tables)
@@ -224,7 +237,7 @@ class Layout:
             x = float(draws.uniform(row.low_m[0] + 0.2, row.high_m[0] - 0.2))
             z = row.top_m + float(draws.uniform(*_OUTLET_M))
             rectangle = np.array([x - half, z]), np.array([x + half, z + high[2]])
-            footing = self._surfaces.behind(rectangle[0] - 0.01, rectangle[1] + 0.01, row.high_m[1] + 0.05)
+            footing = self._surfaces.behind(rectangle[0] - _RIM_M, rectangle[1] + _RIM_M, row.high_m[1] + 0.05)
             if footing is not None:
                 return model.thing(thing_id, pose(x, footing.at_m - float(high[1]), z))
         return None

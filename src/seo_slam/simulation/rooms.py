@@ -56,7 +56,8 @@ class SimulatedRoom(SimulatedRecording):
             DatasetError: no manifest in the folder of meshes, or a mesh that does not load.
             MissingBackendError: meshes or "embree", and the extra ``sim`` is not installed.
         """
-        plan = plan_room(room, seed, None if meshes is None else MeshLibrary(meshes), changes)
+        library = None if meshes is None else MeshLibrary(meshes)
+        plan = plan_room(room, seed, library, changes)
         trajectory = plan.walk.trajectory(frames)
         stamp_s = change_stamp(trajectory.timestamps_s)
         super().__init__(
@@ -70,4 +71,5 @@ class SimulatedRoom(SimulatedRecording):
             detector_knobs=detector_knobs,
             renderer=renderer,
             cache=cache,
+            meshes=library,
         )
