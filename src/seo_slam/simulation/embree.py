@@ -78,7 +78,7 @@ class CoveredPixels(Mapping[int, int]):
         """Keep what was drawn."""
         self._world, self._camera = world, camera
         self._T_camera_world = inverse(T_world_camera)
-        self._depth_m, self._ids = depth_m, ids
+        self._depth_m, self._ids = depth_m.copy(), ids.copy()  # who draws noise into the picture must not change the truth
 
     def __getitem__(self, thing_id: int) -> int:
         return self._counts[thing_id]
