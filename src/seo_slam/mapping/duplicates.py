@@ -14,6 +14,9 @@ _CORNERS = 0.5 * np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in 
 LARGEST_SIZE_RATIO = 3.0
 """Two views of one thing may differ this much in extent (one was cut or half hidden)."""
 
+SLACK_M = 0.03
+"""Error of a centre that is granted beside the extent: thin things lie a little higher or lower from every side."""
+
 LEAST_BOX_OVERLAP = 0.5
 """Share of the smaller of the two projected boxes that must lie in the other."""
 
@@ -69,7 +72,7 @@ def _mutual_nearest(p_world: FloatArray, wanted: BoolArray) -> list[tuple[int, i
 
 def _one_within_other(a: Thing, b: Thing, apart_m: FloatArray) -> bool:
     """Whether the centre of one lies in the extent of the other, along every axis of the world."""
-    half = 0.5 * np.maximum(np.maximum(a.size_m(), b.size_m()), 0.01)
+    half = 0.5 * np.maximum(a.size_m(), b.size_m()) + SLACK_M
     return bool((np.abs(apart_m) <= half).all())
 
 

@@ -22,7 +22,10 @@ from seo_slam.types import IntArray, LandmarkState
 SEEN_THROUGH = 0.6
 """Share of the open surface seen through from which the place counts as free."""
 
-LIKE_BEFORE = 0.5
+MOSTLY_OPEN = 0.5
+"""… if no more of it than this is hidden; what the camera sees through needs no detector to be missed."""
+
+LIKE_BEFORE = 0.25
 """A landmark should be seen where it looks at least this much as large as when it was found."""
 
 LEAST_REACH_M = 0.1
@@ -88,14 +91,15 @@ class LifeCycle:
 
     def _weigh(self, thing: Thing, sight: Sight, row: int, hit: bool) -> bool:
         """Count a view for or against a landmark; False if it says nothing."""
+        free = bool(sight.in_view[row] and sight.through[row] >= SEEN_THROUGH and sight.hidden[row] <= MOSTLY_OPEN)
         plain = bool(sight.in_view[row]) and _as_visible_as_before(thing, float(sight.area_px[row]), float(sight.hidden[row]))
         if hit:
             thing.sightings.hit(plain)
             if sight.in_view[row]:
                 thing.remember_look(float(sight.area_px[row]), float(sight.hidden[row]))
-        elif plain:
-            thing.sightings.miss(bool(sight.through[row] >= SEEN_THROUGH))
-        return hit or plain
+        elif plain or free:
+            thing.sightings.miss(free)
+        return hit or plain or free
 
     def _judge(self, thing: Thing, belief: Belief, p_world: FloatArray, now_s: float, smoother: Smoother) -> list[MapEvent]:
         settings = self._settings

@@ -94,9 +94,9 @@ def _lift(box_px: FloatArray, mask: BoolArray | None, truncated: BoolArray, fram
         return None
     surface_m = _weighted_median(depth_m[inside], weight[inside])
     size_m = side_px / (camera.fx, camera.fy) * surface_m
-    z = surface_m + (0.0 if mask is None else _behind_m(depth_m[inside], size_m))  # what recedes in a box may be what lies behind
-    x, y = _ray(centre_px, camera)
     cloud = _cloud(uv[inside], depth_m[inside], camera)
+    z = surface_m + (0.0 if mask is None else _behind_m(cloud, size_m))  # a box holds what lies behind as well
+    x, y = _ray(centre_px, camera)
     return _Lifted(
         p_camera=np.array([x * z, y * z, z]),
         cov_camera=_covariance(x, y, z, size_m, truncated, settings),
@@ -105,14 +105,14 @@ def _lift(box_px: FloatArray, mask: BoolArray | None, truncated: BoolArray, fram
     )
 
 
-def _behind_m(depth_m: FloatArray, size_m: FloatArray) -> float:
-    """How far a thing's centre is expected behind its seen surface, of which the depths (M,) rise.
+def _behind_m(cloud: FloatArray, size_m: FloatArray) -> float:
+    """How far a thing's centre is expected behind its seen surface (M, 3).
 
-    A surface without depth may be a sheet (nothing) or the face of a box (half its depth); one that recedes is a body: then half
-    as far again as it is seen to recede, at most a quarter of the shorter side.
+    A flat surface is a sheet, or the face of a box: nothing is known. One that bulges is a body: half as far again as it bulges, at most
+    a quarter of the shorter side. The bulge is the extent across the plane that fits best, as of points spread evenly.
     """
-    low, high = depth_m[int(0.1 * len(depth_m))], depth_m[int(0.9 * (len(depth_m) - 1))]
-    return 0.5 * min(float(high - low), 0.5 * float(size_m.min()))
+    bulge_m = float(np.sqrt(12.0 * max(np.linalg.eigvalsh(np.cov(cloud.T))[0], 0.0)))
+    return 0.5 * min(bulge_m, 0.5 * float(size_m.min()))
 
 
 def _object_pixels(
