@@ -68,6 +68,9 @@ class SmootherSettings(Settings):
 
     first_pose_sigma_m: float = Field(1e-3, gt=0, description="how well the first camera is placed")
     first_pose_sigma_deg: float = Field(0.05, gt=0, description="and turned")
+    views_that_err_together: float = Field(
+        9.0, ge=1, description="so many views of a thing count as one: from one side they share the errors of shape and hiding"
+    )
     cauchy_k: float = Field(
         1.0, gt=0, description="Cauchy loss of the measurements, in standard deviations: people move, boxes slip, shapes bias"
     )

@@ -352,7 +352,7 @@ class Pipeline:
         p_camera, cov_camera = completed(
             observations.p_camera, observations.cov_camera, observations.size_m, observations.truncated, across_m
         )
-        return replace(observations, p_camera=p_camera, cov_camera=cov_camera)
+        return replace(observations, p_camera=p_camera, cov_camera=self.config.graph.views_that_err_together * cov_camera)
 
     def _merge_duplicates(self, frame: Frame, seen_now: IntArray) -> list[MapEvent]:
         ids, p_world = self.parts.smoother.positions()

@@ -20,7 +20,8 @@ FURNITURE = (20, 25)
 THINGS = (14, 20)
 
 _COUNTS = (ROOMS, FURNITURE, THINGS)
-_LAYOUTS = 30
+_LAYOUTS = 40
+_LAYOUTS_A_SUITE = 5
 _NAMES = ("living room", "bedroom", "kitchen", "study", "second bedroom")
 _NEEDED: dict[str, tuple[str, ...]] = {
     "living room": ("sofa", "tv stand", "coffee table", "bookcase"),
@@ -78,8 +79,9 @@ def plan_apartment(seed: int = 0, library: MeshLibrary | None = None) -> Home:
     for layout in range(_LAYOUTS):
         draws = generator(seed, "apartment layout", layout)
         plan = draw_floor_plan(seed, layout, _NAMES[:rooms], SIZE_M)
-        needed = _makers(plan, _NEEDED, (seed, "needed"), known)
-        optional = _makers(plan, _OPTIONAL, (seed, "optional"), known)
+        suite = layout // _LAYOUTS_A_SUITE  # furniture too large for its room is exchanged in the end
+        needed = _makers(plan, _NEEDED, (seed, "needed", suite), known)
+        optional = _makers(plan, _OPTIONAL, (seed, "optional", suite), known)
         try:
             anchors = furnish(plan, pieces, needed, optional, draws)
             world = World(tuple(anchors), build_structure(plan, seed), _light(), _middle(plan))
