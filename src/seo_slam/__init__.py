@@ -41,7 +41,10 @@ if TYPE_CHECKING:
     from seo_slam.map import Map, QueryHit
     from seo_slam.pipeline import Pipeline, RunResult
     from seo_slam.records import Confirm, MapEvent, Merge, Relabel, Remove, StepResult, Trajectory
+    from seo_slam.simulation.apartment import SimulatedApartment
+    from seo_slam.simulation.house import SimulatedHouse
     from seo_slam.simulation.recording import SimulatedDesk
+    from seo_slam.simulation.rooms import SimulatedRoom
     from seo_slam.types import NEW, REJECTED, Association, Detections, Estimate, Frame, Landmark, Landmarks, Motion, Observations
 
 __version__ = "0.1.0"
@@ -73,7 +76,10 @@ _MODULES = {
     "map": ("Map", "QueryHit"),
     "pipeline": ("Pipeline", "RunResult"),
     "records": ("Confirm", "MapEvent", "Merge", "Relabel", "Remove", "StepResult", "Trajectory"),
+    "simulation.apartment": ("SimulatedApartment",),
+    "simulation.house": ("SimulatedHouse",),
     "simulation.recording": ("SimulatedDesk",),
+    "simulation.rooms": ("SimulatedRoom",),
     "types": (
         "NEW",
         "REJECTED",
@@ -120,6 +126,9 @@ __all__ = [  # noqa: RUF022  # by what they are for
     "Merge",
     "RecordedOdometry",
     "SimulatedDesk",
+    "SimulatedRoom",
+    "SimulatedApartment",
+    "SimulatedHouse",
     "open_dataset",
     "read_trajectory",
     "write_trajectory",

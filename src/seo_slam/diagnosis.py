@@ -18,6 +18,7 @@ _DISTRIBUTION = "seo-slam"
 EXTRAS = {
     "yolox": "the detector 'yolox' (ONNX weights of your own)",
     "minilm": "the embedder 'minilm': a real text embedding on a machine without a model hub",
+    "sim": "simulated worlds with meshes, and drawing that is many times faster",
 }
 
 
