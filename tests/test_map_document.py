@@ -2,6 +2,7 @@
 
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import jsonschema
@@ -31,6 +32,29 @@ def test_what_is_written_fulfils_the_schema():
     assert list(validator.iter_errors(written)) == []
     del written["landmarks"][0]["size_m"]
     assert len(list(validator.iter_errors(written))) == 1
+
+
+def test_a_file_of_before_there_was_existence_loads_as_certain(tmp_path):
+    written = json.loads(a_map().to_json())
+    assert [row.pop("existence") for row in (*written["landmarks"], *written["tentative"])] == [0.875] * 3
+    assert list(jsonschema.Draft202012Validator(map_json_schema()).iter_errors(written)) == []
+    (tmp_path / "map.json").write_text(json.dumps(written), encoding="utf-8")
+    loaded = Map.load(tmp_path)
+    assert [row.existence for row in (*loaded.landmarks, *loaded.tentative)] == [1.0] * 3
+
+
+def test_existence_and_lost_come_back(tmp_path):
+    lost = replace(make_landmark(7, state="lost"), existence=0.25)
+    Map([make_landmark(4), lost]).save(tmp_path)
+    loaded = Map.load(tmp_path)
+    assert [(row.id, row.state, row.existence) for row in loaded.tentative] == [(7, "lost", 0.25)]
+    assert [(row.id, row.state, row.existence) for row in loaded.landmarks] == [(4, "stable", 0.875)]
+
+
+@pytest.mark.parametrize("value", [-0.1, 1.1, float("nan")])
+def test_an_existence_that_is_no_probability_is_not_written(value):
+    with pytest.raises(MapError, match="existence"):
+        Map([replace(make_landmark(4), existence=value)]).to_json()
 
 
 def test_the_page_tells_of_every_field():

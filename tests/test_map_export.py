@@ -43,6 +43,7 @@ def test_csv_comes_back(two):
     assert np.square(sigma_m) == pytest.approx([1.1e-4, 2.1e-4, 3.1e-4])
     assert float(rows[1]["weight"]) == 0.75
     assert float(rows[1]["first_seen_s"]) == 1305031102.175304
+    assert (rows[1]["state"], float(rows[1]["existence"])) == ("stable", 0.875)
     assert len(list(csv.reader(io.StringIO(to_csv(two, tentative=True), newline="")))) == 4
 
 

@@ -18,7 +18,11 @@ COVARIANCE_EVERY = 10
 
 
 class Keeper:
-    """Commits keyframes, each with the landmarks that are new, changed or elsewhere than the store has them."""
+    """Commits keyframes, each with the landmarks that are new, changed or elsewhere than the store has them.
+
+    A landmark's existence changes with every view of its place, without an event. It is kept whenever the landmark is: when it was
+    seen, moved, or changed its state, which is an event. The store's value of one that was only looked for is therefore older.
+    """
 
     def __init__(self, parts: Parts, objects: ObjectMap) -> None:
         """Take the store and smoother among ``parts``, and what else is known of the landmarks."""

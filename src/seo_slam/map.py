@@ -49,7 +49,7 @@ class Map:
     """A map at one moment; it never changes.
 
     Args:
-        landmarks: stable and tentative ones, in any order; arrays are copied.
+        landmarks: stable, tentative and lost ones, in any order; arrays are copied.
         gravity: "poses" if z is up as in the poses of the recording, else "unknown".
         embedder: name of the model that embeds labels; "" if none is known.
         next_id: the lowest id never used; at least the highest id here plus 1, which is the default.
@@ -132,7 +132,7 @@ class Map:
 
     @property
     def tentative(self) -> tuple[Landmark, ...]:
-        """Landmarks seen too seldom to be trusted, by rising id."""
+        """Landmarks that are not stable, by rising id: "tentative", seen too seldom to be trusted, or "lost", not where they should be."""
         return self._tentative
 
     @property
@@ -157,7 +157,7 @@ class Map:
         return f"Map({len(self._landmarks)} landmarks, {len(self._tentative)} tentative, embedder {self._embedder!r})"
 
     def landmark(self, landmark_id: int) -> Landmark:
-        """Return a landmark, stable or tentative, by its id.
+        """Return a landmark, stable or not, by its id.
 
         Raises:
             UnknownLandmarkError: the map has none of that id.

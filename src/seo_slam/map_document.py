@@ -47,6 +47,9 @@ class LandmarkDocument(_Model):
         description='"stable"; "tentative" while it was not seen often and long enough; "lost" while it is not where it should be.'
     )
     version: int = Field(ge=0, description="Rises when label or state change or landmarks are merged; not with every observation.")
+    existence: float = Field(
+        1.0, ge=0, le=1, allow_inf_nan=False, description="Probability that it is there; 1 where that is not estimated, or not given."
+    )
 
     @field_validator("covariance_m2")
     @classmethod
@@ -145,6 +148,7 @@ def landmark_fields(landmark: Landmark) -> dict[str, Any]:
         "last_seen_s": float(landmark.last_seen_s),
         "state": landmark.state,
         "version": int(landmark.version),
+        "existence": _rounded(landmark.existence),
     }
 
 
@@ -167,6 +171,7 @@ def landmark_from(row: LandmarkDocument) -> Landmark:
         last_seen_s=row.last_seen_s,
         state=row.state,
         version=row.version,
+        existence=row.existence,
     )
 
 

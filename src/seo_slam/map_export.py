@@ -15,7 +15,7 @@ from seo_slam.types import Landmark
 
 CSV_COLUMNS = (
     "id", "label", "weight", "x_m", "y_m", "z_m", "sigma_x_m", "sigma_y_m", "sigma_z_m", "size_x_m", "size_y_m", "size_z_m",
-    "observations", "first_seen_s", "last_seen_s", "state",
+    "observations", "first_seen_s", "last_seen_s", "state", "existence",
 )  # fmt: skip
 
 # Corners of a box as signs of its half size; the triangles of its sides, seen from outside counter-clockwise.
@@ -33,7 +33,7 @@ def to_csv(source: Map, tentative: bool = False) -> str:
 
     Args:
         source: the map.
-        tentative: also landmarks that are not stable yet.
+        tentative: also landmarks that are not stable: tentative or lost.
     """
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
@@ -43,7 +43,7 @@ def to_csv(source: Map, tentative: bool = False) -> str:
         numbers = [repr(round(float(x), 9) + 0.0) for x in (*row.position_m, *sigma_m, *row.size_m)]
         weight = round(row.labels.get(row.label, 0.0), 9)
         stamps = (row.first_seen_s, row.last_seen_s)
-        writer.writerow((row.id, row.label, weight, *numbers, row.observations, *stamps, row.state))
+        writer.writerow((row.id, row.label, weight, *numbers, row.observations, *stamps, row.state, round(row.existence, 9)))
     return out.getvalue()
 
 
@@ -55,7 +55,7 @@ def to_ply(source: Map, tentative: bool = False) -> str:
 
     Args:
         source: the map.
-        tentative: also landmarks that are not stable yet.
+        tentative: also landmarks that are not stable: tentative or lost.
     """
     rows = _chosen(source, tentative)
     lines = [

@@ -65,11 +65,12 @@ class MapEvent:
     """One line of the map's history.
 
     Attributes:
-        kind: "created", "stable", "merged", "relabelled", "removed", "confirmed" or "refused".
-        landmark_id: whose.
-        detail: in words: the old and new label, why it was refused.
+        kind: "created", "stable", "lost", "found", "moved", "merged", "relabelled", "removed" or "confirmed".
+        landmark_id: whose. For "merged" the landmark that goes, for "moved" the one that stays.
+        detail: in words: its label, the old and new one, from where to where it moved.
         source: "pipeline" or the agent's name.
-        other_id: for "merged", the landmark it went into; else None.
+        other_id: for "merged", the landmark it went into; for "moved", the id that the thing had at its new place until then, which is
+            never used again; else None.
     """
 
     kind: str

@@ -3,11 +3,12 @@
 import shutil
 import sqlite3
 import threading
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from seo_slam.backends.sqlite_schema import USER_VERSION
+from seo_slam.backends.sqlite_schema import _FROM_1_TO_2, USER_VERSION
 from seo_slam.backends.sqlite_store import SqliteStore
 from seo_slam.errors import ConfigError, MapError, MapFormatError
 from seo_slam.records import MapEvent
@@ -175,8 +176,83 @@ def test_another_version_is_refused(path):
     db.execute(f"PRAGMA user_version = {USER_VERSION + 1}")
     db.close()
     for read_only in (False, True):
-        with pytest.raises(MapFormatError, match=r"got seo_slam\.db/2, wanted seo_slam\.db/1"):
+        with pytest.raises(MapFormatError, match=r"got seo_slam\.db/3, wanted seo_slam\.db/2"):
             SqliteStore(path, read_only=read_only)
+
+
+def as_version_1(path):
+    """Turn a file into what the first version wrote: landmarks without existence."""
+    db = sqlite3.connect(path)
+    db.executescript(
+        "ALTER TABLE landmark DROP COLUMN existence; ALTER TABLE landmark_history DROP COLUMN existence;"
+        "UPDATE meta SET value = 'seo_slam.db/1' WHERE key = 'schema'; PRAGMA user_version = 1;"
+    )
+    db.close()
+
+
+def columns(path, table):
+    with sqlite3.connect(path) as db:
+        found = [row[1:] for row in db.execute(f"PRAGMA table_info({table})")]
+    db.close()
+    return found
+
+
+def test_a_file_of_version_1_is_read_with_existence_1_and_not_touched(path):
+    fill(path)
+    as_version_1(path)
+    assert "existence" not in [column[0] for column in columns(path, "landmark")]
+    before = path.read_bytes()
+    with SqliteStore(path, read_only=True) as store:
+        assert [row.existence for row in store.landmarks()] == [1.0, 1.0]
+        assert [row.existence for row in store.keyframe(1).landmarks] == [1.0, 1.0]
+        require_same_landmark(store.landmarks()[0], replace(make_landmark(1, version=2), existence=1.0))
+    assert path.read_bytes() == before
+
+
+def test_a_file_of_version_1_that_is_continued_becomes_one_of_this_version(path, tmp_path):
+    fill(path)
+    as_version_1(path)
+    with SqliteStore(path, read_only=True) as reader:
+        with SqliteStore(path) as store:
+            store.commit(make_record(3, (1,), (make_landmark(1),), (2,)))
+        assert [row.existence for row in reader.landmarks()] == [0.875]  # it looks at the tables as they are now
+    with SqliteStore(path, read_only=True) as store:
+        assert [row.existence for row in store.keyframe(0).landmarks] == [1.0, 1.0]
+        assert [row.existence for row in store.keyframe(3).landmarks] == [0.875]
+        assert store.keyframe(3).removed_ids == (2,)
+    fill(tmp_path / "new.db")
+    for table in ("landmark", "landmark_history"):
+        assert columns(path, table) == columns(tmp_path / "new.db", table)
+    with sqlite3.connect(path) as db:
+        assert db.execute("SELECT value FROM meta WHERE key = 'schema'").fetchone() == (f"seo_slam.db/{USER_VERSION}",)
+    db.close()
+
+
+def test_a_migration_that_fails_leaves_the_old_file(path, monkeypatch):
+    fill(path)
+    as_version_1(path)
+    monkeypatch.setattr("seo_slam.backends.sqlite_schema._FROM_1_TO_2", (*_FROM_1_TO_2[:-1], "nonsense"))
+    with pytest.raises(MapFormatError, match="nonsense"):
+        SqliteStore(path)
+    with SqliteStore(path, read_only=True) as store:
+        assert [row.existence for row in store.landmarks()] == [1.0, 1.0]
+    monkeypatch.undo()
+    with SqliteStore(path) as store:
+        store.commit(make_record(3, (1,), (make_landmark(1),)))
+
+
+def test_a_log_that_a_killed_migration_left_counts(path, tmp_path):
+    fill(path)
+    as_version_1(path)
+    store = SqliteStore(path)
+    store.commit(make_record(3, (1,), (make_landmark(1),)))
+    left = tmp_path / "left.db"  # what is on the disk while the log holds the migration
+    shutil.copy(path, left)
+    shutil.copy(path.with_name("map.db-wal"), tmp_path / "left.db-wal")
+    store.close()
+    with SqliteStore(left) as again:
+        assert again.landmarks()[0].existence == 0.875
+        again.commit(make_record(4))
 
 
 @pytest.mark.parametrize("content", [b"x", b"{}" * 200])

@@ -17,13 +17,18 @@ from seo_slam.errors import MapError, MapFormatError
 Durability = Literal["normal", "full"]
 
 APPLICATION_ID = 0x53454F4D
-USER_VERSION = 1
-SCHEMA_NAME = "seo_slam.db/1"
+USER_VERSION = 2
+"""1: the first. 2: landmarks have an existence."""
+
+SCHEMA_NAME = f"seo_slam.db/{USER_VERSION}"
 
 _LANDMARK_COLUMNS = """
     state TEXT{0}, label TEXT{0}, labels TEXT{0},
     x_m REAL{0}, y_m REAL{0}, z_m REAL{0}, covariance_m2 BLOB{0}, size_m BLOB{0}, embedding_id INTEGER,
     observations INTEGER{0}, first_seen_s REAL{0}, last_seen_s REAL{0}, version INTEGER{0}"""
+
+_EXISTENCE_OF_LANDMARK = "existence REAL NOT NULL DEFAULT 1.0"
+_EXISTENCE_IN_HISTORY = "existence REAL"
 
 _TABLES = f"""
 BEGIN;
@@ -39,9 +44,9 @@ CREATE TABLE observation (
     box_px BLOB NOT NULL, truncated INTEGER NOT NULL, detection_row INTEGER NOT NULL, embedding_id INTEGER,
     PRIMARY KEY (keyframe_id, row)) WITHOUT ROWID;
 CREATE INDEX observation_of_landmark ON observation (landmark_id);
-CREATE TABLE landmark (id INTEGER PRIMARY KEY, {_LANDMARK_COLUMNS.format(" NOT NULL")});
+CREATE TABLE landmark (id INTEGER PRIMARY KEY, {_LANDMARK_COLUMNS.format(" NOT NULL")}, {_EXISTENCE_OF_LANDMARK});
 CREATE TABLE landmark_history (
-    keyframe_id INTEGER NOT NULL, landmark_id INTEGER NOT NULL, change TEXT NOT NULL, {_LANDMARK_COLUMNS.format("")},
+    keyframe_id INTEGER NOT NULL, landmark_id INTEGER NOT NULL, change TEXT NOT NULL, {_LANDMARK_COLUMNS.format("")}, {_EXISTENCE_IN_HISTORY},
     PRIMARY KEY (keyframe_id, landmark_id)) WITHOUT ROWID;
 CREATE INDEX history_of_landmark ON landmark_history (landmark_id);
 CREATE TABLE event (
@@ -55,6 +60,14 @@ PRAGMA application_id = {APPLICATION_ID};
 PRAGMA user_version = {USER_VERSION};
 COMMIT;
 """
+
+_FROM_1_TO_2 = (
+    f"ALTER TABLE landmark ADD COLUMN {_EXISTENCE_OF_LANDMARK}",
+    f"ALTER TABLE landmark_history ADD COLUMN {_EXISTENCE_IN_HISTORY}",
+    "UPDATE landmark_history SET existence = 1.0 WHERE change = 'set'",
+    f"UPDATE meta SET value = '{SCHEMA_NAME}' WHERE key = 'schema'",
+    f"PRAGMA user_version = {USER_VERSION}",
+)
 
 # Failures of the machine, not of the file: another process writes, the disk is full, no permission.
 _MACHINE_ERRORS = ("BUSY", "LOCKED", "FULL", "IOERR", "READONLY", "CANTOPEN", "PERM", "NOMEM", "INTERRUPT")
@@ -80,10 +93,10 @@ def clear_errors(path: Path) -> Iterator[None]:
 
 
 def open_for_writing(path: Path, durability: Durability) -> sqlite3.Connection:
-    """Open map.db, made first if it is not there.
+    """Open map.db, made first if it is not there, brought to this version if it is of an older one.
 
     Raises:
-        MapFormatError: the file is there and is no map of this version, or is damaged; it is not touched.
+        MapFormatError: the file is there and is no map of a known version, or is damaged; it is not touched.
         MapError: the folder cannot be written.
     """
     try:
@@ -99,6 +112,7 @@ def open_for_writing(path: Path, durability: Durability) -> sqlite3.Connection:
         try:
             connection.execute("PRAGMA journal_mode = WAL")
             connection.execute(f"PRAGMA synchronous = {'FULL' if durability == 'full' else 'NORMAL'}")
+            _migrate(connection)
         except sqlite3.Error:
             connection.close()
             raise
@@ -109,7 +123,7 @@ def open_for_reading(path: Path) -> sqlite3.Connection:
     """Open map.db without changing it; a run may be writing it meanwhile.
 
     Raises:
-        MapFormatError: no such file, no map of this version, or damaged.
+        MapFormatError: no such file, no map of a known version, or damaged.
         MapError: it cannot be read.
     """
     if not path.is_file():
@@ -117,6 +131,27 @@ def open_for_reading(path: Path) -> sqlite3.Connection:
     _require_map(path)
     with clear_errors(path):
         return _connect_read_only(path)
+
+
+def version_of(connection: sqlite3.Connection) -> int:
+    """The version of the tables as they are now; the file's header may lag behind while there is a log."""
+    return int(connection.execute("PRAGMA user_version").fetchone()[0])
+
+
+def _migrate(connection: sqlite3.Connection) -> None:
+    """Bring the tables to this version, in one transaction: a process killed meanwhile leaves the old ones."""
+    if version_of(connection) == USER_VERSION:
+        return
+    connection.execute("BEGIN IMMEDIATE")
+    try:
+        if version_of(connection) < USER_VERSION:  # asked again: another process may have just done it
+            for statement in _FROM_1_TO_2:
+                connection.execute(statement)
+        connection.execute("COMMIT")
+    except BaseException:
+        if connection.in_transaction:
+            connection.execute("ROLLBACK")
+        raise
 
 
 def close(connection: sqlite3.Connection, leave_one_file: bool) -> None:
@@ -190,5 +225,5 @@ def _require_map(path: Path) -> None:
     version, application = int.from_bytes(header[60:64], "big"), int.from_bytes(header[68:72], "big")
     if application != APPLICATION_ID:
         raise MapFormatError(f"{path}: a SQLite file, but no map of seo_slam (application_id {application:#x})")
-    if version != USER_VERSION:
+    if not 1 <= version <= USER_VERSION:
         raise MapFormatError(f"{path}: schema: got seo_slam.db/{version}, wanted {SCHEMA_NAME}")

@@ -28,7 +28,8 @@ class SqliteStore:
 
     An existing file is continued: keyframes and history are only ever added. One transaction a keyframe. Any thread may call;
     calls wait for each other. A killed process loses nothing that ``commit`` returned from; with durability "normal" a power
-    cut may lose the last few keyframes, with "full" none.
+    cut may lose the last few keyframes, with "full" none. A file of an older version can be read, and is brought to this one when it is
+    continued.
 
     Args:
         path: the file; folders are made.
@@ -36,7 +37,7 @@ class SqliteStore:
         read_only: change nothing and take no commits; the file must be there. A run may be writing it meanwhile.
 
     Raises:
-        MapFormatError: the file is no map of this version, is cut off or damaged. It is left as it is.
+        MapFormatError: the file is no map of a known version, is cut off or damaged. It is left as it is.
         MapError: it cannot be read or written.
     """
 
@@ -86,9 +87,9 @@ class SqliteStore:
         removed = [(int(landmark_id),) for landmark_id in record.removed_ids]
         columns = rows.LANDMARK_COLUMNS
         db = self._db
-        db.executemany(f"INSERT OR REPLACE INTO landmark (id, {columns}) VALUES ({_marks(14)})", values)
+        db.executemany(f"INSERT OR REPLACE INTO landmark (id, {columns}) VALUES ({_marks(15)})", values)
         db.executemany(
-            f"INSERT INTO landmark_history (keyframe_id, change, landmark_id, {columns}) VALUES ({_marks(16)})",
+            f"INSERT INTO landmark_history (keyframe_id, change, landmark_id, {columns}) VALUES ({_marks(17)})",
             [(record.keyframe_id, "set", *row) for row in values],
         )
         db.executemany("INSERT OR REPLACE INTO landmark_box VALUES (?1, ?2, ?2, ?3, ?3, ?4, ?4)", [(row[0], *row[4:7]) for row in values])
@@ -131,8 +132,9 @@ class SqliteStore:
             row = db.execute("SELECT * FROM keyframe WHERE id = ?", (number,)).fetchone()
             if row is None:
                 raise MapError(f"{self._path}: no keyframe {keyframe_id}; {len(self.keyframe_ids())} are kept")
+            columns = rows.readable_landmark_columns(schema.version_of(db))
             changes = db.execute(
-                f"SELECT landmark_id, {rows.LANDMARK_COLUMNS} FROM landmark_history WHERE keyframe_id = ? AND change = 'set'",
+                f"SELECT landmark_id, {columns} FROM landmark_history WHERE keyframe_id = ? AND change = 'set'",
                 (number,),
             ).fetchall()
             removed = db.execute(
@@ -195,7 +197,8 @@ class SqliteStore:
         """All landmarks in the map, by rising id, tentative ones included."""
         with self._reading() as db:
             vectors = rows.read_vectors(db, "WHERE id IN (SELECT embedding_id FROM landmark)")
-            found = db.execute(f"SELECT id, {rows.LANDMARK_COLUMNS} FROM landmark ORDER BY id")
+            columns = rows.readable_landmark_columns(schema.version_of(db))
+            found = db.execute(f"SELECT id, {columns} FROM landmark ORDER BY id")
             return tuple(rows.landmark_from(row, vectors) for row in found)
 
     def near(self, p_world: ArrayLike, radius_m: float) -> tuple[int, ...]:

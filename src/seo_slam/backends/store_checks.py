@@ -49,6 +49,8 @@ def _require_landmark(landmark: Landmark, where: str) -> None:
             raise MapError(f"{where}: landmark {landmark.id}: {name} has shape {array.shape} or is not finite, wanted {shape}")
     if not np.isfinite([landmark.first_seen_s, landmark.last_seen_s, *landmark.labels.values()]).all():
         raise MapError(f"{where}: landmark {landmark.id}: a stamp or a label's weight is not finite")
+    if not 0 <= landmark.existence <= 1:
+        raise MapError(f"{where}: landmark {landmark.id}: existence is {landmark.existence}, wanted 0..1")
 
 
 def without_clouds(observations: Observations) -> Observations:

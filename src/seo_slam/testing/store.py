@@ -1,6 +1,7 @@
 """Contract of a ``MapStore``."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
@@ -50,6 +51,7 @@ def make_landmark(
         last_seen_s=1305031103.5,
         state=state,
         version=version,
+        existence=0.875,
     )
 
 
@@ -98,7 +100,7 @@ def make_record(
 
 def require_same_landmark(got: Landmark, wanted: Landmark, embedding_tolerance: float = 1e-6) -> None:
     """Raise ``AssertionError`` unless two landmarks are equal; embeddings may be rounded to single precision."""
-    for name in ("id", "label", "observations", "first_seen_s", "last_seen_s", "state", "version"):
+    for name in ("id", "label", "observations", "first_seen_s", "last_seen_s", "state", "version", "existence"):
         one, other = getattr(got, name), getattr(wanted, name)
         _require(one == other, f"landmark {wanted.id}: {name} is {one!r}, wanted {other!r}")
     _require(dict(got.labels) == dict(wanted.labels), f"landmark {wanted.id}: labels are {got.labels}, wanted {wanted.labels}")
@@ -109,8 +111,8 @@ def require_same_landmark(got: Landmark, wanted: Landmark, embedding_tolerance: 
 
 
 def _keeps_keyframes(store: MapStore) -> None:
-    landmarks = (make_landmark(0), make_landmark(1), make_landmark(2, state="tentative"))
-    events = (MapEvent("created", 0), MapEvent("merged", 5, "cup", "somebody", other_id=0))
+    landmarks = (make_landmark(0), make_landmark(1), make_landmark(2, state="lost"))
+    events = (MapEvent("created", 0), MapEvent("merged", 5, "cup", "somebody", other_id=0), MapEvent("moved", 1, other_id=4))
     first, second = make_record(3, (0, 1, 2), landmarks, (5,), events), make_record(7)
     store.commit(first)
     store.commit(second)
@@ -172,6 +174,8 @@ def _refuses(store: MapStore) -> None:
     _require_raises(lambda: store.commit(make_record(5)), "a second keyframe 5")
     _require_raises(lambda: store.commit(make_record(4)), "keyframe 4 after 5")
     _require_raises(lambda: store.commit(make_record(6, landmarks=(make_landmark(3), broken))), "a landmark with NaN")
+    unlikely = replace(make_landmark(2), existence=1.5)
+    _require_raises(lambda: store.commit(make_record(6, landmarks=(unlikely,))), "a landmark with an existence of 1.5")
     left = ([row.id for row in store.landmarks()], store.keyframe_ids().tolist())
     _require(left == ([1], [5]), f"refused keyframes left {left}, wanted ([1], [5]): wholly or not at all")
     store.commit(make_record(6))
