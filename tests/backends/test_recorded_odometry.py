@@ -49,17 +49,29 @@ def test_chained_motions_end_at_the_recorded_pose_whatever_was_lost_between(seed
         np.testing.assert_allclose(T, motion.T_world_camera, atol=1e-9)
 
 
-def test_noise_is_a_floor_and_a_share_of_the_step():
+def test_noise_is_that_of_two_poses_and_of_the_way_between_them():
     T = exp([0, 0, np.radians(10), 0, 0, 0])
     T[:3, 3] = [0.3, 0.4, 0]
-    odometry = RecordedOdometry(Trajectory(np.array([0.0, 0.1]), np.array([np.eye(4), T])))
+    odometry = RecordedOdometry(Trajectory(np.array([0.0, 0.1]), np.array([np.eye(4), T])), 0.003, 0.2, 0.04, 0.6)
     first, second = odometry.update(frame(0.0)), odometry.update(frame(0.1))
-    np.testing.assert_allclose(np.sqrt(np.diag(first.covariance)), [np.radians(0.2)] * 3 + [0.01] * 3)
-    np.testing.assert_allclose(np.sqrt(np.diag(second.covariance)), [np.radians(0.3)] * 3 + [0.015] * 3)
+    np.testing.assert_allclose(np.sqrt(np.diag(first.covariance)), [np.radians(0.2)] * 3 + [0.003] * 3)
     np.testing.assert_array_equal(first.T_previous_current, np.eye(4))
-    mine = RecordedOdometry(odometry.trajectory, sigma_m=0.1, sigma_share=0, sigma_deg=1, sigma_turn_share=0)
-    mine.update(frame(0.0))
-    np.testing.assert_allclose(np.sqrt(np.diag(mine.update(frame(0.1)).covariance)), [np.radians(1)] * 3 + [0.1] * 3)
+    wanted = [np.radians(np.hypot(0.2, 0.6 * np.sqrt(0.5)))] * 3 + [np.hypot(0.003, 0.04 * np.sqrt(0.5))] * 3
+    np.testing.assert_allclose(np.sqrt(np.diag(second.covariance)), wanted)
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.lists(st.floats(0.01, 1.0), min_size=1, max_size=8))
+def test_a_way_is_as_uncertain_in_one_step_as_in_many(steps_m):
+    """Straight ahead; only the noise of the poses comes again with every step."""
+
+    def variances(ends_m):
+        poses = np.array([exp([0, 0, 0, x, 0, 0]) for x in [0.0, *ends_m]])
+        odometry = RecordedOdometry(Trajectory(np.arange(len(poses), dtype=float), poses), sigma_m=1e-9, sigma_deg=1e-9, max_gap_s=2)
+        return sum(np.diag(odometry.update(frame(float(k))).covariance) for k in range(len(poses)))
+
+    ends_m = np.cumsum(steps_m)
+    np.testing.assert_allclose(variances(ends_m), variances(ends_m[-1:]), rtol=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -99,8 +111,9 @@ def test_bad_input_is_refused(tmp_path):
     for name in ("sigma_m", "sigma_deg", "lost_sigma_m", "lost_sigma_deg", "max_gap_s"):
         with pytest.raises(ConfigError, match=f"{name}: got 0, wanted above 0"):
             RecordedOdometry(walk([0, 1]), **{name: 0})
-    with pytest.raises(ConfigError, match="shares -1"):
-        RecordedOdometry(walk([0, 1]), sigma_share=-1)
+    for name in ("walk_m", "walk_deg"):
+        with pytest.raises(ConfigError, match=f"{name} -1"):
+            RecordedOdometry(walk([0, 1]), **{name: -1})
     with pytest.raises(ConfigError, match="holds no poses"):
         RecordedOdometry(Trajectory(np.zeros(0), np.zeros((0, 4, 4))))
     with pytest.raises(DatasetError, match="nowhere"):

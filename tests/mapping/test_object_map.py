@@ -44,17 +44,6 @@ def test_both_limits_are_settings():
     assert kinds(at_once.see({0: (AT, "cup")})) == [("created", 0), ("stable", 0)]
 
 
-def test_what_is_in_plain_view_and_hardly_ever_seen_stays_tentative():
-    desk = SmallMap(stable_share=0.5)
-    for k in range(12):
-        desk.see({0: (AT, "cup")} if k % 4 == 0 else {}, also_in_view=[] if k % 4 == 0 else [0])
-    assert desk.row(0).state == "tentative"
-    seldom_in_view = SmallMap(stable_share=0.5)
-    for k in range(12):
-        seldom_in_view.see({0: (AT, "cup")} if k % 4 == 0 else {})
-    assert seldom_in_view.row(0).state == "stable"
-
-
 def test_counts_and_stamps():
     desk = SmallMap()
     for stamp in (5.0, 5.5, 7.0):
