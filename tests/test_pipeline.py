@@ -402,7 +402,8 @@ def test_relabel_remove_and_confirm_are_applied():
     kinds = [(event.kind, event.landmark_id, event.source) for event in steps[4].events]
     assert ("relabelled", 0, "me") in kinds
     assert ("removed", 1, "me") in kinds
-    assert ("confirmed", 0) in [(event.kind, event.landmark_id) for event in steps[6].events]
+    unsigned = [(event.kind, event.landmark_id, event.source) for event in steps[6].events]
+    assert ("confirmed", 0, "Once") in unsigned  # an edit that names nobody bears the agent's name
     found = {row.id: row.label for row in (*result.map.landmarks, *result.map.tentative)}
     assert found == {0: "teapot", 2: "book"}  # what was removed is seen again under a new id
     assert result.warnings == {}

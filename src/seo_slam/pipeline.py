@@ -374,7 +374,8 @@ class Pipeline:
                 continue
             for edit in edits:
                 try:
-                    events.append(apply_edit(edit, self._objects, self.parts.smoother, self.parts.embedder))
+                    event = apply_edit(edit, self._objects, self.parts.smoother, self.parts.embedder)
+                    events.append(event if event.source else replace(event, source=agent.name))
                 except EditRefused as error:
                     warnings.append(f"agent {agent.name}: edit refused: {error}")
         return events
