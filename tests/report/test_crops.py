@@ -5,6 +5,7 @@ from made_up_desk import CAMERA, painted_frame, step
 
 from seo_slam.records import MapEvent, StepResult
 from seo_slam.report.crops import ReportRecorder, crop_value
+from seo_slam.report.life_history import life_line
 from seo_slam.types import REJECTED
 
 SMALL, LARGE, WHOLE = [10, 10, 30, 30], [100, 80, 200, 160], [0, 0, 320, 240]
@@ -158,6 +159,26 @@ def test_a_merge_joins_lives():
     watch(recorder, 4.0, events=[MapEvent("removed", 1)])
     assert kinds(recorder, 1) == [(1.0, "created"), (1.0, "created"), (2.0, "stable"), (3.0, "merged"), (4.0, "removed")]
     assert recorder.gone == (1,)
+
+
+def test_a_thing_that_moved_has_what_was_seen_of_it_at_its_new_place():
+    recorder = ReportRecorder()
+    watch(recorder, 1.0, [1], [SMALL], labels=["cup"], events=[MapEvent("created", 1)])
+    watch(recorder, 2.0, events=[MapEvent("stable", 1)])
+    watch(recorder, 3.0, [2], [LARGE], labels=["mug"], events=[MapEvent("created", 2)])
+    watch(recorder, 4.0, events=[MapEvent("lost", 1)])
+    watch(recorder, 5.0, events=[MapEvent("removed", 1)])
+    assert recorder.gone == (1,)
+    watch(recorder, 6.0, [2], [SMALL], labels=["mug"], events=[MapEvent("stable", 2), MapEvent("moved", 1, "cup: from a to b", other_id=2)])
+    watch(recorder, 7.0, [1], [SMALL], labels=["cup"])
+    assert recorder.gone == ()
+    assert recorder.crop(1).timestamp_s == 3.0
+    assert recorder.crop(2) == recorder.crop(1)
+    assert [(run.label, run.count) for run in recorder.label_history(1)] == [("cup", 1), ("mug", 1), ("mug", 1), ("cup", 1)]
+    assert kinds(recorder, 1) == [
+        *[(1.0, "created"), (2.0, "stable"), (3.0, "created"), (4.0, "lost"), (5.0, "removed"), (6.0, "stable"), (6.0, "moved")],
+    ]
+    assert '<span class="moved" title="cup: from a to b, #2 until then">moved 6.0 s</span>' in life_line(recorder.life(1), 0.0)
 
 
 def test_lives_are_bounded_and_pictures_of_what_is_gone_go_first():

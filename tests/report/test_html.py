@@ -168,6 +168,22 @@ def test_the_page_says_what_it_was_given():
     assert len(page.all("tr", class_="tentative")) == 3
 
 
+def test_how_sure_it_is_that_a_thing_is_there_stands_in_its_row():
+    rows = {1: 1.0, 2: 0.9991, 3: 0.5, 4: 0.0004, 5: 0.0}
+    the_map = MadeUpMap(tuple(landmark(i, existence=share) for i, share in rows.items()))
+    text, page, data = page_and_data(map=the_map, trajectory=EMPTY, recorder=None, run={})
+    assert [m["existence"] for m in data["landmarks"]] == list(rows.values())
+    assert [row["data-existence"] for row in page.all("tr", class_="stable")] == [f"{share:.6f}" for share in rows.values()]
+    shown = re.findall(r'<td class="num" data-name="there"><small[^>]*>([^<]*)</small>', text)
+    assert shown == ["100 %", "&gt; 99 %", "50 %", "&lt; 1 %", "0 %"]
+
+
+def test_events_say_which_id_a_moved_thing_had_until_then():
+    events = [{"keyframe": 4, "kind": "moved", "landmark": 1, "detail": "cup: from a to b", "other": 7}]
+    text, _, _ = page_and_data(map=MadeUpMap(), trajectory=EMPTY, recorder=None, run={"events": events})
+    assert "until then #7, cup: from a to b" in text
+
+
 def test_every_picture_is_a_jpeg_that_opens():
     _, page, data = page_and_data(**make_desk(8).arguments)
     pictures = page.all("img")

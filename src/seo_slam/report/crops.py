@@ -191,7 +191,10 @@ class ReportRecorder:
         if event.kind == "merged" and event.other_id is not None:
             self._merge(event.landmark_id, event.other_id)
             self._note(self._seen.setdefault(self._survivor(event.other_id), _Seen()), recorded)
-        elif event.kind == "removed":
+            return
+        if event.kind == "moved" and event.other_id is not None:
+            self._merge(event.other_id, event.landmark_id)  # what was seen at the new place was this thing
+        if event.kind == "removed":
             self._remove(recorded)
         elif event.kind in _THERE | _SURE:
             seen = self._seen.setdefault(self._survivor(event.landmark_id), _Seen())

@@ -29,7 +29,7 @@ class ReportedMap(Protocol):
 
     @property
     def tentative(self) -> tuple[Landmark, ...]:
-        """Those not yet seen often enough."""
+        """Those that are not stable: tentative or lost."""
         ...
 
     @property
@@ -128,7 +128,8 @@ def _landmark_section(stable: Sequence[Landmark], others: Sequence[Landmark], co
     controls = (
         '<div class="controls" hidden><label>find <input type="search" id="filter" placeholder="label or id"></label>'
         '<label>sort by <select id="sort"><option value="id">id<option value="label">label<option value="observations">times seen'
-        '<option value="sigma">sigma<option value="size">size<option value="first">first seen</select></label></div>'
+        '<option value="existence">existence<option value="sigma">sigma<option value="size">size'
+        '<option value="first">first seen</select></label></div>'
     )
     empty = '<p class="dim">The map holds no stable landmark.</p>'
     body = controls + (landmark_table(stable, "stable", context) if stable else empty)
@@ -155,6 +156,7 @@ def _landmark_data(m: Landmark, context: TableContext) -> dict[str, Any]:
         "sigma_m": sigma_m(m),
         "size_m": m.size_m,
         "observations": m.observations,
+        "existence": m.existence,
         "first_seen_s": m.first_seen_s,
         "last_seen_s": m.last_seen_s,
         "state": m.state,

@@ -26,6 +26,7 @@ _COLUMNS = (
     ("sigma", "sigma", "num"),
     ("size", "size, cm", "num"),
     ("observations", "seen", "num"),
+    ("existence", "there", "num"),
     ("first", "first – last", "num"),
     ("", "called, over time", ""),
 )
@@ -95,6 +96,7 @@ def _row(m: Landmark, context: TableContext) -> str:
         "sigma": f"{sigma:.6f}",
         "size": f"{float(np.prod(m.size_m)):.9f}",
         "observations": f"{m.observations}",
+        "existence": f"{m.existence:.6f}",
         "first": f"{m.first_seen_s:.4f}",
     }
     data = "".join(f' data-{key}="{escaped(value)}"' for key, value in keys.items())
@@ -106,6 +108,7 @@ def _row(m: Landmark, context: TableContext) -> str:
         ("num", "sigma", f'<span title="along x, y, z: {axes} mm">{_length(sigma)}</span>'),
         ("num", "size", " × ".join(f"{100 * s:.0f}" for s in m.size_m)),
         ("num", "seen", f'{m.observations}<small class="unit"> ×</small>'),
+        ("num", "there", f'<small title="probability that it is there">{_probability(m.existence)}</small>'),
         ("num", "first – last", f'<span title="stamps {m.first_seen_s:.3f} to {m.last_seen_s:.3f} s">{first:.1f} – {last:.1f} s</span>'),
         ("history", "called", _history(m.id, context)),
     )
@@ -117,6 +120,13 @@ def _length(metres: float) -> str:
     if not np.isfinite(metres):
         return "unknown"
     return f"{1000 * metres:.1f} mm" if metres < 0.01 else f"{100 * metres:.1f} cm" if metres < 1 else f"{metres:.2f} m"
+
+
+def _probability(share: float) -> str:
+    """A share as a percentage; what is not quite certain is not shown as certain."""
+    if 0.995 <= share < 1.0:
+        return "&gt; 99 %"
+    return "&lt; 1 %" if 0.0 < share < 0.005 else f"{100 * share:.0f} %"
 
 
 def _picture(crop: Crop | None, landmark_id: int, label: str) -> str:

@@ -21,7 +21,8 @@ def life_line(events: Sequence[RecordedEvent], start_s: float) -> str:
 def _words(item: RecordedEvent, start_s: float) -> str:
     event = item.event
     what = f"took in #{event.landmark_id}" if event.kind == "merged" else event.kind
-    detail = escaped(event.detail, 200)
+    until_then = f", #{event.other_id} until then" if event.kind == "moved" and event.other_id is not None else ""
+    detail = escaped(f"{event.detail}{until_then}", 200)
     title = f' title="{detail}"' if detail else ""
     return f'<span class="{event.kind}"{title}>{what} {item.timestamp_s - start_s:.1f} s</span>'
 

@@ -152,7 +152,7 @@ def _events(value: Any, recorder: ReportRecorder | None) -> tuple[dict[str, int]
 
 def _recorded_line(item: RecordedEvent) -> EventLine:
     e = item.event
-    detail = _detail(e.detail, e.other_id)
+    detail = _detail(e.kind, e.detail, e.other_id)
     return EventLine(item.timestamp_s, item.keyframe_id, clean_text(e.kind), str(e.landmark_id), detail, clean_text(e.source))
 
 
@@ -162,11 +162,12 @@ def _event_line(item: Mapping[str, Any]) -> EventLine:
         _number(item.get("keyframe_id", item.get("keyframe"))),
         clean_text(item.get("kind", "")),
         clean_text(item.get("landmark_id", item.get("landmark", ""))),
-        _detail(item.get("detail"), item.get("other_id", item.get("other"))),
+        _detail(item.get("kind"), item.get("detail"), item.get("other_id", item.get("other"))),
         clean_text(item.get("source", "")),
     )
 
 
-def _detail(words: Any, other_id: Any) -> str:
-    into = "" if other_id is None else f"into #{clean_text(other_id)}"
-    return ", ".join(filter(None, (into, clean_text(words or "", 300))))
+def _detail(kind: Any, words: Any, other_id: Any) -> str:
+    relation = "until then" if kind == "moved" else "into"
+    other = "" if other_id is None else f"{relation} #{clean_text(other_id)}"
+    return ", ".join(filter(None, (other, clean_text(words or "", 300))))

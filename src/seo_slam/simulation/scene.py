@@ -68,10 +68,14 @@ class Scene:
         return max((change.timestamp_s for change in self.changes if change.thing.id == thing_id), default=-np.inf)
 
     def timeline(self) -> list[dict[str, Any]]:
-        """Return the changes in the form of ``truth.json``: ``center`` is where the thing is then, or was if it is removed."""
+        """Return the changes in the form of ``truth.json``.
+
+        ``center`` is where the thing is then, or was if it is removed; ``aabb_min`` and ``aabb_max`` bound it there, world frame, metres.
+        """
         rows = []
         for change, before in zip(self.changes, self._before, strict=True):
             thing = change.thing
+            low, high = thing.bounds_world
             row: dict[str, Any] = {
                 "timestamp_s": change.timestamp_s,
                 "event": change.event,
@@ -79,6 +83,8 @@ class Scene:
                 "label": thing.label,
                 "accepted_labels": [thing.label, *thing.accepted_labels],
                 "center": rounded(thing.p_world),
+                "aabb_min": rounded(low),
+                "aabb_max": rounded(high),
             }
             if before is not None and change.event == "moved":
                 row["previous_center"] = rounded(before)
