@@ -326,7 +326,7 @@ class Pipeline:
             events = self._integrate(frame, observations[used], landmark_ids[used])
         with clock.stage("life"):
             view = DepthView(frame.camera, frame.depth_m, self._estimate.T_world_camera, frame.timestamp_s)
-            events += self._life.step(view, landmark_ids[used], parts.smoother)
+            events += self._life.step(view, _after_merges(landmark_ids[used], events), parts.smoother)
         if parts.agents:
             with clock.stage("agents"):
                 events += self._ask_agents(frame, warnings)
@@ -379,3 +379,9 @@ class Pipeline:
                 except EditRefused as error:
                     warnings.append(f"agent {agent.name}: edit refused: {error}")
         return events
+
+
+def _after_merges(landmark_ids: IntArray, events: Sequence[MapEvent]) -> IntArray:
+    """Which landmarks those are now: a half that was seen and merged into a whole is a sight of the whole."""
+    became = {event.landmark_id: event.other_id for event in events if event.kind == "merged"}
+    return np.array([became.get(int(i), int(i)) for i in landmark_ids], dtype=np.int64)
