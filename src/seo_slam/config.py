@@ -203,6 +203,7 @@ PRESETS: dict[str, dict[str, Any]] = {
     "seo_slam": {},
     "rg": _PAPER | {"associator": {"name": "nearest"}},
     "rg_d": _PAPER,
+    "rg_d_cosine": _PAPER | {"association": {"semantic_gate": "cosine"}},
     "seo_slam_paper_gate": {"association": {"semantic_gate": "cosine", "solver": "lap"}},
     "nearest": {"associator": {"name": "nearest"}},
 }

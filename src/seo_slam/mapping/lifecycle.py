@@ -11,7 +11,7 @@ from seo_slam.association.label_likelihood import LabelLikelihood
 from seo_slam.config import LifeSettings, LiftingSettings
 from seo_slam.geometry import FloatArray
 from seo_slam.interfaces import Smoother
-from seo_slam.mapping.existence import Belief, Sightings, believe
+from seo_slam.mapping.existence import Sightings, believe
 from seo_slam.mapping.moves import Moves
 from seo_slam.mapping.object_map import ObjectMap, Thing
 from seo_slam.mapping.recall import MeasuredGaps, measured_recall
@@ -83,11 +83,10 @@ class LifeCycle:
         events = []
         for thing in touched:
             own = thing.sightings
-            belief = believe(own, recall, gaps.outlasting(own.tail, own.gaps), self._settings.vanishing)
-            thing.existence = belief.there
-            events += self._judge(thing, belief, p_world[int(np.searchsorted(ids, thing.id))], view.timestamp_s, smoother)
+            thing.existence = believe(own, recall, gaps.outlasting(own.tail, own.gaps), self._settings.vanishing).there
+            events += self._judge(thing, p_world[int(np.searchsorted(ids, thing.id))], view.timestamp_s, smoother)
         self._moves.remember(view)
-        return events + self._moves.resolve(smoother)
+        return events + self._moves.resolve(smoother, view.timestamp_s)
 
     def _weigh(self, thing: Thing, sight: Sight, row: int, hit: bool) -> bool:
         """Count a view for or against a landmark; False if it says nothing."""
@@ -101,23 +100,20 @@ class LifeCycle:
             thing.sightings.miss(free)
         return hit or plain or free
 
-    def _judge(self, thing: Thing, belief: Belief, p_world: FloatArray, now_s: float, smoother: Smoother) -> list[MapEvent]:
+    def _judge(self, thing: Thing, p_world: FloatArray, now_s: float, smoother: Smoother) -> list[MapEvent]:
         settings = self._settings
         sure = thing.existence >= settings.stable_existence and _found_share(thing) >= settings.stable_share
         if thing.state == "tentative" and sure and self._map.is_confirmed(thing):
-            self._moves.became_stable(thing, p_world)
+            self._moves.became_stable(thing, p_world, now_s)
             return [self._becomes(thing, "stable", "stable")]
         if thing.state == "lost" and sure:
             self._moves.is_back(thing.id)
             return [self._becomes(thing, "stable", "found")]
         if thing.state == "stable" and thing.existence < settings.lost_existence:
-            if belief.gone >= belief.false:
-                self._moves.vanished(thing, p_world)
+            self._moves.vanished(thing, p_world, now_s)
             return [self._becomes(thing, "lost", "lost")]
         hopeless = thing.existence < settings.removed_existence and thing.sightings.tail >= settings.removed_misses
         if hopeless and now_s - thing.last_seen_s >= settings.removed_seconds:
-            if belief.gone < belief.false:
-                self._moves.is_back(thing.id)
             return [self._remove(thing, p_world, smoother)]
         return []
 
@@ -138,6 +134,7 @@ class LifeCycle:
             self._buried[thing.id] = _Buried(p_world, max(0.5 * float(thing.size_m().max()), LEAST_REACH_M), thing.sightings)
         smoother.remove(thing.id)
         self._map.forget(thing.id)
+        self._moves.removed(thing.id)
         return MapEvent("removed", thing.id, thing.label)
 
 

@@ -27,8 +27,11 @@ EMPTY_VIEWS = 4
 PLAINLY_SEEN = 0.3
 """… with no more of it hidden than this share."""
 
-LIKE_SIZE = 1.6
-"""Width and height of one thing differ between places by less than this factor."""
+LIKE_SIZE = 2.0
+"""The diagonal of one thing's extent differs between places by less than this factor: it may lie turned."""
+
+PATIENCE_S = 5.0
+"""So long a like thing that was not looked at since may hold up a decision; then one change is likelier than two."""
 
 LIKE_LABEL = 1.0
 """Log likelihood ratio of the labels from which two landmarks are like each other: e times more likely if they are one thing."""
@@ -40,6 +43,7 @@ class _Vanished:
 
     thing: Thing
     p_world: FloatArray
+    since_s: float
 
 
 class Moves:
@@ -52,7 +56,8 @@ class Moves:
         self._likelihood = likelihood
         self._views: list[DepthView] = []
         self._vanished: dict[int, _Vanished] = {}
-        self._newcomers: set[int] = set()
+        self._newcomers: dict[int, float] = {}  # since when
+        self._removed: set[int] = set()
 
     def remember(self, view: DepthView) -> None:
         """Keep a small copy of a view; when there are too many, every second one goes."""
@@ -60,16 +65,21 @@ class Moves:
         if len(self._views) > VIEWS_REMEMBERED:
             self._views = self._views[::2]
 
-    def vanished(self, thing: Thing, p_world: FloatArray) -> None:
-        """A thing that was there is not at its place (3,) any more."""
-        self._newcomers.discard(thing.id)
-        self._vanished[thing.id] = _Vanished(thing, p_world)
+    def vanished(self, thing: Thing, p_world: FloatArray, now_s: float) -> None:
+        """A thing is not at its place (3,) any more; what was missed there more often than found is not worth a search."""
+        self._newcomers.pop(thing.id, None)
+        if thing.sightings.hits >= thing.sightings.misses:
+            self._vanished.setdefault(thing.id, _Vanished(thing, p_world, now_s))
 
     def is_back(self, landmark_id: int) -> None:
-        """A landmark was found where it was, or turned out never to have been there."""
+        """A landmark was found where it was."""
         self._vanished.pop(landmark_id, None)
 
-    def became_stable(self, thing: Thing, p_world: FloatArray) -> None:
+    def removed(self, landmark_id: int) -> None:
+        """A vanished landmark left the map for its misses; others that leave it, merged or by an agent, are not looked for."""
+        self._removed.add(landmark_id)
+
+    def became_stable(self, thing: Thing, p_world: FloatArray, now_s: float) -> None:
         """Note a thing as a newcomer if its place (3,) was seen without it before."""
         before = [view for view in self._views if view.timestamp_s < thing.first_seen_s - 1e-6]
         surface = [p_world + thing.surface()]
@@ -78,29 +88,34 @@ class Moves:
             sight = look(surface, view, self._lifting.max_depth_m, self._lifting.depth_noise_at_1m_m)
             empty += int(sight.in_view[0] and sight.hidden[0] <= PLAINLY_SEEN)
             if empty >= EMPTY_VIEWS:
-                self._newcomers.add(thing.id)
+                self._newcomers[thing.id] = now_s
                 return
 
-    def resolve(self, smoother: Smoother) -> list[MapEvent]:
+    def resolve(self, smoother: Smoother, now_s: float) -> list[MapEvent]:
         """Give newcomers the id of the thing that they must be.
 
         Returns:
             An event "moved" each; ``other_id`` is the id that the newcomer had until then.
         """
-        self._newcomers &= {i for i in self._newcomers if i in self._map and self._map[i].state == "stable"}
-        if not self._newcomers or not self._vanished:
+        present = {i: since_s for i, since_s in self._newcomers.items() if i in self._map and self._map[i].state == "stable"}
+        self._newcomers = present
+        self._vanished = {i: gone for i, gone in self._vanished.items() if self._is_missing(i)}
+        if not present or not self._vanished:
             return []
         ids, p_world = smoother.positions()
         where = {int(i): p for i, p in zip(ids, p_world, strict=True)}
-        rivals = {
-            new: [old for old in self._vanished if self._may_be(self._vanished[old], self._map[new], where[new])] for new in self._newcomers
-        }
+        rivals = {new: [old for old, gone in self._vanished.items() if self._may_be(gone, self._map[new], where[new])] for new in present}
         events = []
         for new, olds in sorted(rivals.items()):
-            sole = len(olds) == 1 and sum(olds[0] in others for others in rivals.values()) == 1
-            if sole and not self._unverified(self._map[new]):
+            if len(olds) != 1 or sum(olds[0] in others for others in rivals.values()) != 1:
+                continue
+            waited_s = now_s - max(present[new], self._vanished[olds[0]].since_s)
+            if waited_s >= PATIENCE_S or not self._unverified(self._map[new]):
                 events.append(self._move(self._vanished.pop(olds[0]), new, where[new], smoother))
         return events
+
+    def _is_missing(self, landmark_id: int) -> bool:
+        return self._map[landmark_id].state == "lost" if landmark_id in self._map else landmark_id in self._removed
 
     def _may_be(self, vanished: _Vanished, newcomer: Thing, p_world: FloatArray) -> bool:
         thing = vanished.thing
@@ -109,9 +124,8 @@ class Moves:
         return elsewhere and newcomer.first_seen_s > thing.last_seen_s and self._alike(thing, newcomer)
 
     def _alike(self, a: Thing, b: Thing) -> bool:
-        first, second = np.maximum(a.across_m(), 0.01), np.maximum(b.across_m(), 0.01)
-        like_size = bool((np.maximum(first, second) < LIKE_SIZE * np.minimum(first, second)).all())
-        return like_size and self._likelihood.between(a.distribution(), b.distribution()) >= LIKE_LABEL
+        smaller, larger = sorted((float(np.linalg.norm(a.size_m())), float(np.linalg.norm(b.size_m()))))
+        return larger < LIKE_SIZE * smaller and self._likelihood.between(a.distribution(), b.distribution()) >= LIKE_LABEL
 
     def _unverified(self, newcomer: Thing) -> bool:
         """Whether another like thing has not been seen since the newcomer came: it might be the one."""
@@ -130,7 +144,8 @@ class Moves:
             self._map.forget(old.id)
         smoother.rename(new_id, old.id)
         self._map.rename(new_id, old)
-        self._newcomers.discard(new_id)
+        self._newcomers.pop(new_id, None)
+        self._removed.discard(old.id)
         detail = f"{old.label}: from {_place(vanished.p_world)} to {_place(p_world)}"
         return MapEvent("moved", old.id, detail, other_id=new_id)
 
