@@ -302,6 +302,19 @@ def test_a_map_loaded_from_json_alone_can_be_continued(tmp_path):
     assert [row.observations for row in second.map.landmarks] == [8, 8]
 
 
+def test_what_was_lost_and_how_likely_it_is_there_goes_on_in_a_map_that_is_continued(tmp_path):
+    _, first = run(pipeline(), frames())
+    away = replace(first.map.landmarks[1], id=7, position_m=np.array([50.0, 50.0, 1.0]), state="lost", existence=0.25)  # never in view
+    Map([*first.map.landmarks, away], "poses", first.map.embedder).save(tmp_path)
+    with SqliteStore(tmp_path / "map.db") as store:
+        _, second = run(pipeline(map=Map.load(tmp_path / "map.json"), store=store), frames())
+    for result in (second.map, Map.load(tmp_path / "map.db")):
+        (lost,) = [row for row in result.tentative if row.id == 7]
+        assert (lost.state, lost.existence) == ("lost", 0.25)
+        assert [row.state for row in result.landmarks] == ["stable", "stable"]
+        assert all(row.existence > 0.5 for row in result.landmarks)
+
+
 def test_a_map_made_by_another_embedder_can_be_continued():
     _, first = run(pipeline(embedder=HashedEmbedder(size=64)), frames())
     _, second = run(pipeline(map=first.map), frames())
