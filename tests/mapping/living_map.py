@@ -3,12 +3,12 @@
 from dataclasses import replace
 
 import numpy as np
-from painted_blocks import WALL_M, paint, pose
 
+from painted_blocks import WALL_M, paint, pose
 from seo_slam.association.label_likelihood import LabelLikelihood
 from seo_slam.backends.gtsam_smoother import GtsamSmoother
 from seo_slam.backends.hashed_embedder import HashedEmbedder
-from seo_slam.config import LiftingSettings, LifeSettings, MapSettings
+from seo_slam.config import LifeSettings, LiftingSettings, MapSettings
 from seo_slam.geometry import inverse
 from seo_slam.mapping.lifecycle import LifeCycle
 from seo_slam.mapping.object_map import ObjectMap

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 from living_map import LivingMap
-from painted_blocks import FAR_ASIDE_M, Block
 
+from painted_blocks import FAR_ASIDE_M, Block
 from seo_slam.backends.gtsam_smoother import GtsamSmoother
 from seo_slam.config import LifeSettings, MapSettings
 from seo_slam.mapping.lifecycle import SightingsOnly

@@ -283,3 +283,58 @@ def test_the_covariance_covers_the_error():
     assert (squared < 7.81).mean() >= 0.93  # 95 % of chi-square with 3 degrees of freedom
     assert squared.mean() < 4.0
     assert squared.mean() > 0.5  # nor does it claim ten times too little
+
+
+def half_ball(radius_m, centre):
+    """Depth of a ball before a wall, and its pixels: of each ray the nearer meeting."""
+    rays = np.concatenate([CAMERA.rays(), np.ones((CAMERA.height, CAMERA.width, 1))], axis=2)
+    a, b, c = (rays**2).sum(axis=2), rays @ np.asarray(centre), float(np.dot(centre, centre)) - radius_m**2
+    inside = b * b - a * c
+    own = inside > 0
+    z = np.where(own, (b - np.sqrt(np.maximum(inside, 0))) / a, np.inf)
+    return nearer(plane(CAMERA, 2.5), z, own), own
+
+
+@pytest.mark.parametrize("centre", [(0.0, 0.0, 1.0), (0.3, 0.2, 1.4)])
+def test_a_bodys_centre_is_behind_its_surface(centre):
+    depth, own = half_ball(0.12, centre)
+    seen, _ = lift(noisy(depth), box_of(own), masks=[own])
+    surface_m = float(np.median(depth[own]))
+    assert surface_m + 0.01 < seen.p_camera[0, 2] <= centre[2] + 0.01
+    assert np.linalg.norm(seen.p_camera[0] - centre) < 0.06
+    assert squared_distance(seen, 0, np.array(centre)) < 11.3
+
+
+def test_a_sheets_centre_is_on_it():
+    depth, own = sheet(np.array([0.1, 0.05, 1.2]), (0.3, 0.2))
+    seen, _ = lift(noisy(depth), box_of(own), masks=[own])
+    assert seen.p_camera[0, 2] == pytest.approx(1.2, abs=0.012)
+
+
+def test_a_slanted_sheets_centre_is_on_it():
+    surface = plane(CAMERA, 1.2, x_slope=0.4)
+    own = inside(CAMERA, surface, (0.0, 0.0), (0.24, 0.24))
+    seen, _ = lift(noisy(nearer(plane(CAMERA, 3.0), surface, own)), box_of(own), masks=[own])
+    assert seen.p_camera[0, 2] == pytest.approx(1.2, abs=0.02)
+
+
+def test_a_box_without_a_mask_tells_no_depth():
+    """It holds what lies behind as well, which bulges however flat the thing is."""
+    depth, own = half_ball(0.12, (0.0, 0.0, 1.0))
+    with_mask, _ = lift(depth, box_of(own), masks=[own])
+    without, _ = lift(depth, box_of(own))
+    assert without.p_camera[0, 2] < with_mask.p_camera[0, 2] - 0.005
+
+
+def test_a_mask_that_ends_at_something_nearer_is_cut_there():
+    """Less sure along the side that is hidden, and the extent is not taken for the whole."""
+    depth, own = sheet(np.array([0.0, 0.0, 1.4]), (0.3, 0.2))
+    pole = np.zeros_like(own)
+    pole[:, 175:200] = True
+    shown = own & ~pole & (np.arange(320) < 180)
+    seen, _ = lift(nearer(depth, plane(CAMERA, 1.0), pole), box_of(shown), masks=[shown])
+    plain, _ = lift(depth, box_of(own), masks=[own])
+    assert seen.truncated[0].tolist() == [False, False, True, False]
+    assert not plain.truncated.any()
+    assert seen.cov_camera[0, 0, 0] > 4 * plain.cov_camera[0, 0, 0]
+    assert squared_distance(seen, 0, np.array([0.0, 0.0, 1.4])) < 11.3
