@@ -69,6 +69,15 @@ def test_a_mesh_folder_without_manifest_is_refused(tmp_path: Path) -> None:
         simulate("SM1", meshes=tmp_path)
 
 
+def test_the_house_needs_no_manifest(tmp_path: Path) -> None:
+    pytest.importorskip("embreex")
+    (tmp_path / "scene.json").write_text("no list")
+    with pytest.raises(DatasetError, match=r"scene\.json: not readable"):
+        simulate("house", meshes=tmp_path)
+    with pytest.raises(DatasetError, match="nowhere: no such folder"):
+        simulate("house", meshes=tmp_path / "nowhere")
+
+
 def test_meshes_without_the_extra_say_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(rendering, "embree_is_installed", lambda: False)
     assert named.require_embree is rendering.require_embree

@@ -124,6 +124,8 @@ def small_library(meshes: str | Path) -> MeshLibrary | None:
 
 
 def _scene_file(folder: Path) -> Path:
+    if not folder.is_dir():
+        raise DatasetError(f"{folder}: no such folder of meshes")
     found = sorted([*folder.glob(SCENE_FILE), *folder.glob(f"*/{SCENE_FILE}")])
     if not found:
         raise DatasetError(f"{folder}: got no {SCENE_FILE} in it or in a folder right under it; wanted the furnished house")

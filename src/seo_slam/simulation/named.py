@@ -6,7 +6,6 @@ from typing import Any
 
 from seo_slam.errors import ConfigError
 from seo_slam.simulation.inventories import ROOMS
-from seo_slam.simulation.mesh_library import MeshLibrary
 from seo_slam.simulation.rendering import require_embree
 from seo_slam.simulation.sensors import require_level
 from seo_slam.simulation.simulated_recording import SimulatedRecording, simulated_camera
@@ -56,11 +55,9 @@ def simulate(
         from seo_slam.simulation.recording import SimulatedDesk
 
         return SimulatedDesk(**options)
-    library = _library(known, meshes)
-    recording = _furnished(known, {**options, "meshes": meshes, "changes": changes})
-    if recording.meshes is None:
-        recording.meshes = library
-    return recording
+    if meshes is not None:
+        require_embree(f"{known} with meshes")
+    return _furnished(known, {**options, "meshes": meshes, "changes": changes})
 
 
 def known_name(name: str) -> str:
@@ -75,15 +72,6 @@ def known_name(name: str) -> str:
         hint = f"; did you mean {spelt[near[0]]!r}?" if near else ""
         raise ConfigError(f"simulate: got {name!r}, wanted one of {', '.join(NAMES)}{hint}")
     return spelt[name.casefold()]
-
-
-def _library(name: str, meshes: str | Path | None) -> MeshLibrary | None:
-    if meshes is None:
-        if name == "house":
-            raise ConfigError("house: got no mesh folder; wanted one with the models and scene.json of the house")
-        return None
-    require_embree(f"{name} with meshes")
-    return MeshLibrary(meshes)
 
 
 def _furnished(name: str, options: dict[str, Any]) -> SimulatedRecording:
