@@ -91,7 +91,7 @@ def test_a_mistake_seen_now_and_then_among_well_found_things_is_gone_at_the_end(
     """Its box lies on the wall: what it shows is still there, only the detector does not find it again."""
     names = ["cup", "book", "lamp", "shoe", "ball", "fork", "radio", "plant", "clock", "purse", "towel", "drum"]
     many = [Block(name, -0.6 + 0.24 * (k % 6), 0.05 + 0.3 * (k // 6), half_m=0.05) for k, name in enumerate(names)]
-    now_and_then = {index: [Block("vase", -0.15, -0.3)] for index in range(4, 50, 9)}
+    now_and_then = {index: [Block("vase", -0.15, -0.3)] for index in range(4, 60, 14)}
     result = run([many] * 60, mistakes=now_and_then)
     assert sorted(row.label for row in result.map.landmarks) == sorted(names)
     assert result.map.next_id > len(names)

@@ -1,11 +1,13 @@
 """How often things are found and how long they go unfound, measured from all things at once."""
 
+from math import comb, exp
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from seo_slam.mapping.recall import LEAST_VIEWS, WEIGHTS, BetaRate, MeasuredGaps, measured_recall
+from seo_slam.mapping.recall import LEAST_VIEWS, MeasuredGaps, MeasuredRecall
 
 
 def drawn(a, b, things, views, seed=0):
@@ -15,59 +17,56 @@ def drawn(a, b, things, views, seed=0):
     return [(float(h), float(views - h)) for h in hits]
 
 
-def mean(rate):
-    return rate.a / (rate.a + rate.b)
+def chance(recall, hits, misses):
+    return exp(recall.log_likelihood(hits, misses))
 
 
 @pytest.mark.parametrize(("a", "b"), [(6.0, 2.0), (4.0, 4.0), (2.0, 1.0)])
 def test_of_drawn_things_the_better_found_three_quarters_are_matched(a, b):
-    """The least found quarter is left out as if it were mistakes, so mean and spread are those of the rest."""
-    rng = np.random.default_rng(1)
-    rates = np.sort(rng.beta(a, b, 4000))[1000:]
-    fit = measured_recall(drawn(a, b, 2000, 400))
-    assert mean(fit) == pytest.approx(rates.mean(), abs=0.02)
-    variance = fit.a * fit.b / ((fit.a + fit.b) ** 2 * (fit.a + fit.b + 1))
-    weight = rates.mean() * (1 - rates.mean()) / rates.var() - 1
-    if weight < WEIGHTS[1]:
-        assert variance == pytest.approx(rates.var(), rel=0.15)
-    else:
-        assert fit.a + fit.b == pytest.approx(WEIGHTS[1])
+    """The least found quarter is left out as if it were mistakes, so hit and miss come as often as of the rest."""
+    rates = np.sort(np.random.default_rng(1).beta(a, b, 4000))[1000:]
+    recall = MeasuredRecall(drawn(a, b, 2000, 400))
+    assert chance(recall, 1, 0) == pytest.approx(rates.mean(), abs=0.05)
+    assert chance(recall, 2, 0) == pytest.approx((rates**2).mean(), abs=0.08)
+    assert chance(recall, 0, 2) == pytest.approx(((1 - rates) ** 2).mean(), abs=0.08)
 
 
 def test_nothing_measured_is_a_wide_guess_around_a_half():
-    rate = measured_recall([])
-    assert mean(rate) == pytest.approx(0.5)
-    assert rate.a + rate.b < 3.0
+    none = MeasuredRecall([])
+    assert chance(none, 1, 0) == pytest.approx(0.5)
+    assert chance(none, 20, 0) > 0.05 < chance(none, 0, 20)
 
 
 def test_few_things_leave_it_wider_than_many_alike():
-    few, many = measured_recall([(18, 2)]), measured_recall([(18, 2)] * 40)
-    assert few.a + few.b < many.a + many.b
-    assert mean(few) < mean(many) < 0.91
+    few, many = MeasuredRecall([(18, 2)]), MeasuredRecall([(18, 2)] * 40)
+    assert chance(few, 1, 0) < chance(many, 1, 0) < 0.95
+    assert chance(few, 2, 18) > 10 * chance(many, 2, 18)
 
 
 def test_things_hardly_looked_at_say_nothing():
-    assert measured_recall([(0, LEAST_VIEWS - 1)] * 50) == measured_recall([])
-    assert measured_recall([(LEAST_VIEWS, 0)] * 50) != measured_recall([])
+    def after(count):
+        return MeasuredRecall([count] * 50).log_likelihood(3, 1)
+
+    assert after((0, LEAST_VIEWS - 1)) == MeasuredRecall([]).log_likelihood(3, 1) != after((LEAST_VIEWS, 0))
 
 
 def test_mistakes_among_well_found_things_do_not_spoil_the_rate():
-    clean = measured_recall([(19, 1)] * 30)
-    spoilt = measured_recall([(19, 1)] * 30 + [(2, 18)] * 6)
-    assert mean(spoilt) == pytest.approx(mean(clean), abs=0.02)
+    clean = MeasuredRecall([(19, 1)] * 30)
+    spoilt = MeasuredRecall([(19, 1)] * 30 + [(2, 18)] * 6)
+    assert chance(spoilt, 0, 4) == pytest.approx(chance(clean, 0, 4), rel=0.3)
 
 
-@given(st.lists(st.tuples(st.integers(0, 50), st.integers(0, 50)), max_size=40))
-def test_any_counts_give_a_proper_distribution(counts):
-    rate = measured_recall(counts)
-    assert rate.a > 0
-    assert rate.b > 0
-    assert WEIGHTS[0] - 1e-9 <= rate.a + rate.b <= WEIGHTS[1] + 1e-9
-    assert measured_recall(reversed(counts)) == rate
+def test_where_some_things_are_hardly_found_a_hardly_found_one_is_not_strange():
+    both, good = MeasuredRecall([(58, 2)] * 20 + [(12, 48)] * 15), MeasuredRecall([(58, 2)] * 35)
+    assert chance(both, 4, 16) > 3 * chance(good, 4, 16)
+    assert chance(both, 20, 0) < chance(good, 20, 0)
 
 
-def test_a_rate_can_be_compared():
-    assert BetaRate(1.0, 2.0) == BetaRate(1.0, 2.0) != BetaRate(2.0, 1.0)
+@given(st.lists(st.tuples(st.integers(0, 50), st.integers(0, 50)), max_size=40), st.integers(1, 12))
+def test_all_that_can_come_of_some_views_sums_to_one(counts, views):
+    recall = MeasuredRecall(counts)
+    assert sum(comb(views, hits) * chance(recall, hits, views - hits) for hits in range(views + 1)) == pytest.approx(1.0)
+    assert MeasuredRecall(reversed(counts)).log_likelihood(2, 1) == recall.log_likelihood(2, 1)
 
 
 def test_gaps_that_never_were_are_unlikely_and_those_that_often_were_are_not():
