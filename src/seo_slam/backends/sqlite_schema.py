@@ -46,7 +46,8 @@ CREATE TABLE observation (
 CREATE INDEX observation_of_landmark ON observation (landmark_id);
 CREATE TABLE landmark (id INTEGER PRIMARY KEY, {_LANDMARK_COLUMNS.format(" NOT NULL")}, {_EXISTENCE_OF_LANDMARK});
 CREATE TABLE landmark_history (
-    keyframe_id INTEGER NOT NULL, landmark_id INTEGER NOT NULL, change TEXT NOT NULL, {_LANDMARK_COLUMNS.format("")}, {_EXISTENCE_IN_HISTORY},
+    keyframe_id INTEGER NOT NULL, landmark_id INTEGER NOT NULL, change TEXT NOT NULL, {_LANDMARK_COLUMNS.format("")},
+    {_EXISTENCE_IN_HISTORY},
     PRIMARY KEY (keyframe_id, landmark_id)) WITHOUT ROWID;
 CREATE INDEX history_of_landmark ON landmark_history (landmark_id);
 CREATE TABLE event (
