@@ -10,10 +10,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.special import betaln
 
-from seo_slam.mapping.recall import BetaRate
+from seo_slam.mapping.recall import MeasuredRecall
 
-FALSE_RATE = BetaRate(2.0, 4.0)
-"""How often a mistake that sticks to a place comes back: about a third of the time, and seldom in most views. A judgement."""
+FALSE_RATE = (2.0, 4.0)
+"""How often a mistake that sticks to a place comes back, a Beta distribution: a third of the time or so. A judgement."""
 
 HITS_WHEN_GONE = 0.02
 """Chance that a thing that is gone is seen again by mistake."""
@@ -76,7 +76,7 @@ class Belief:
     gone: float
 
 
-def believe(sightings: Sightings, recall: BetaRate, outlasting: float, vanishing: float) -> Belief:
+def believe(sightings: Sightings, recall: MeasuredRecall, outlasting: float, vanishing: float) -> Belief:
     """Weigh the three explanations.
 
     Args:
@@ -88,16 +88,19 @@ def believe(sightings: Sightings, recall: BetaRate, outlasting: float, vanishing
     """
     free = min(sightings.free, MOST_FREE_VIEWS)
     hits, misses, tail = sightings.hits, sightings.misses, sightings.tail
-    found_before = _log_likelihood(hits, misses, recall)
-    unfound_since = max(_log_likelihood(hits, misses + tail, recall) - found_before, float(np.log(outlasting)))
-    there = found_before + unfound_since + free * np.log(FREE_WHEN_THERE)
-    false = np.log(FALSE_SHARE) + _log_likelihood(hits, misses + tail, FALSE_RATE) + free * np.log(FREE_WHEN_FALSE)
+    found_before = recall.log_likelihood(hits, misses)
+    streak = float(np.log(outlasting))  # mistakes, too, come and go in streaks
+    there = found_before + max(recall.log_likelihood(hits, misses + tail) - found_before, streak) + free * np.log(FREE_WHEN_THERE)
+    false_before = _false_log_likelihood(hits, misses)
+    false = np.log(FALSE_SHARE) + false_before + max(_false_log_likelihood(hits, misses + tail) - false_before, streak)
+    false += free * np.log(FREE_WHEN_FALSE)
     gone = np.log(vanishing) + found_before + tail * np.log(1.0 - HITS_WHEN_GONE) + free * np.log(FREE_WHEN_GONE)
     weights = np.exp(np.array([there, false, gone]) - max(there, false, gone))
     shares = (weights / weights.sum()).tolist()
     return Belief(*shares)
 
 
-def _log_likelihood(hits: float, misses: float, rate: BetaRate) -> float:
-    """Log probability of a sequence of hits and misses whose rate is drawn from a Beta distribution."""
-    return float(betaln(rate.a + hits, rate.b + misses) - betaln(rate.a, rate.b))
+def _false_log_likelihood(hits: float, misses: float) -> float:
+    """Log probability of a sequence of hits and misses of a mistake (Beta-binomial)."""
+    a, b = FALSE_RATE
+    return float(betaln(a + hits, b + misses) - betaln(a, b))

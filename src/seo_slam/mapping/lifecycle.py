@@ -14,7 +14,7 @@ from seo_slam.interfaces import Smoother
 from seo_slam.mapping.existence import Sightings, believe
 from seo_slam.mapping.moves import Moves
 from seo_slam.mapping.object_map import ObjectMap, Thing
-from seo_slam.mapping.recall import MeasuredGaps, measured_recall
+from seo_slam.mapping.recall import MeasuredGaps, MeasuredRecall
 from seo_slam.mapping.sight import DepthView, Sight, look
 from seo_slam.records import MapEvent
 from seo_slam.types import IntArray, LandmarkState
@@ -78,7 +78,7 @@ class LifeCycle:
         touched = [thing for row, thing in enumerate(things) if self._weigh(thing, sight, row, thing.id in seen)]
         confirmed = [thing.sightings for thing in self._map.things.values() if self._map.is_confirmed(thing)]
         confirmed += [buried.sightings for buried in self._buried.values()]
-        recall = measured_recall((sightings.hits, sightings.misses) for sightings in confirmed)
+        recall = MeasuredRecall((sightings.hits, sightings.misses) for sightings in confirmed)
         gaps = MeasuredGaps(gap for sightings in confirmed for gap in sightings.gaps)
         events = []
         for thing in touched:
@@ -147,7 +147,7 @@ def _found_share(thing: Thing) -> float:
 def _as_visible_as_before(thing: Thing, area_px: float, hidden: float) -> bool:
     """Whether a view shows a landmark about as well as those in which it was found."""
     if not thing.looks:
-        return True
+        return hidden <= HIDDEN_MORE
     looks = np.array(thing.looks)
     return area_px >= LIKE_BEFORE * float(np.quantile(looks[:, 0], 0.25)) and hidden <= float(np.median(looks[:, 1])) + HIDDEN_MORE
 

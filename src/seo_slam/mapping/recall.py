@@ -5,12 +5,15 @@ a miss is depends on that, so the spread between things is measured with the mea
 """
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import betaln, logsumexp
 
 PRIOR_RATES = (0.9, 0.5, 0.1)
-"""Things believed to have been measured before the first one is, a wide guess; together they weigh as much as one."""
+"""Things believed to have been measured before the first one is: a wide guess."""
+
+PRIOR_WEIGHT = 0.5
+"""Together they weigh as much as this share of one measured thing."""
 
 LEAST_VIEWS = 5
 """A thing's rate is looked at after so many views in which it should have been seen."""
@@ -18,29 +21,26 @@ LEAST_VIEWS = 5
 SHARE_OF_THINGS = 0.75
 """Of all that a detector finds repeatedly so much is taken for things; what it finds least may be mistakes of its own."""
 
-LEAST_VARIANCE = 0.01
-WEIGHTS = (1.0, 12.0)
-"""Bounds of the distribution's weight a + b: never wider than a coin's, never surer than twelve views."""
+LIKENESS = 10.0
+"""A thing is found about as often as one of those measured: as if that one had been looked at so many times."""
 
 
-@dataclass(frozen=True, slots=True)
-class BetaRate:
-    """A Beta distribution of hit rates: density ~ r^(a-1) (1-r)^(b-1)."""
+class MeasuredRecall:
+    """The rates at which things are found: a mixture with one component for each thing measured."""
 
-    a: float
-    b: float
+    def __init__(self, counts: Iterable[tuple[float, float]]) -> None:
+        """Take hits and misses of each thing, in views in which it should have been seen."""
+        measured = sorted(hits / (hits + misses) for hits, misses in counts if hits + misses >= LEAST_VIEWS)
+        things = measured[int((1.0 - SHARE_OF_THINGS) * len(measured)) :]
+        rates = np.array([*PRIOR_RATES, *things])
+        self._a, self._b = LIKENESS * rates + 0.5, LIKENESS * (1.0 - rates) + 0.5
+        weights = np.array([PRIOR_WEIGHT / len(PRIOR_RATES)] * len(PRIOR_RATES) + [1.0] * len(things))
+        self._log_weights = np.log(weights / weights.sum())
 
-
-def measured_recall(counts: Iterable[tuple[float, float]]) -> BetaRate:
-    """Fit by moments the rates of things, given as (hits, misses) in views in which they should have been seen."""
-    measured = sorted(hits / (hits + misses) for hits, misses in counts if hits + misses >= LEAST_VIEWS)
-    things = measured[int((1.0 - SHARE_OF_THINGS) * len(measured)) :]
-    rates = np.array([*PRIOR_RATES, *things])
-    weights = np.array([1.0 / len(PRIOR_RATES)] * len(PRIOR_RATES) + [1.0] * len(things))
-    mean = float(np.average(rates, weights=weights))
-    variance = max(float(np.average((rates - mean) ** 2, weights=weights)), LEAST_VARIANCE)
-    weight = float(np.clip(mean * (1.0 - mean) / variance - 1.0, *WEIGHTS))
-    return BetaRate(mean * weight, (1.0 - mean) * weight)
+    def log_likelihood(self, hits: float, misses: float) -> float:
+        """Return the log probability of a sequence of hits and misses of a thing that is there."""
+        each = betaln(self._a + hits, self._b + misses) - betaln(self._a, self._b)
+        return float(logsumexp(self._log_weights + each))
 
 
 PRIOR_GAPS = 10.0
