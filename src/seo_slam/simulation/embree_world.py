@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import pairwise
 
 import numpy as np
 
@@ -133,7 +134,7 @@ def _bands(count: int) -> list[slice]:
     """Divide rays into an even number of bands of one size. It does not depend on the machine: the same input gives the same bytes."""
     number = 1 if count < _FEWEST else 2 * -(-count // (2 * _BAND))
     edges = [count * k // number for k in range(number + 1)]
-    return [slice(first, end) for first, end in zip(edges, edges[1:], strict=False)]
+    return [slice(first, end) for first, end in pairwise(edges)]
 
 
 def _threads() -> int:
