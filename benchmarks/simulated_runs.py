@@ -37,7 +37,7 @@ from seo_slam.simulation.sensors import SensorKnobs
 from seo_slam.simulation.simulated_recording import SimulatedRecording
 from seo_slam.types import Frame
 
-VARIANTS = {"RG": "rg", "RG+D": "rg_d", "RG+D+L": "seo_slam"}
+VARIANTS = {"RG": "rg", "RG+D": "rg_d", "RG+D(cosine)": "rg_d_cosine", "RG+D+L": "seo_slam"}
 """Name in the paper's way -> preset. R: the detector's words, G: geometry, D: two-stage gate and assignment, L: the life cycle."""
 
 KNOBS = {"detector": DetectorKnobs, "sensor": SensorKnobs}

@@ -103,9 +103,16 @@ def test_a_further_free_view_never_speaks_for_it(seen, rate, outlasting):
 
 
 @given(sightings(), rates, chances, chances)
-def test_the_longer_things_go_unfound_the_more_likely_it_is_there(seen, rate, one, other):
+def test_the_longer_things_go_unfound_the_less_likely_it_is_gone(seen, rate, one, other):
     low, high = sorted((one, other))
-    assert there(seen, rate, low) <= there(seen, rate, high) + 1e-12
+    assert believe(seen, rate, high, VANISHING).gone <= believe(seen, rate, low, VANISHING).gone + 1e-12
+
+
+def test_a_miss_never_makes_a_landmark_likelier():
+    """A phantom must not come back by not being seen: mistakes are granted the same streaks as things."""
+    recall = MeasuredRecall([(30, 0)] * 4 + [(3, 22)])
+    believed = [there(Sightings(3, 22, tail, 0), recall, 0.51) for tail in (0, 5, 11)]
+    assert max(believed) < believed[0] + 0.02
 
 
 @given(sightings(), rates, chances, st.floats(1e-4, 0.4), st.floats(1e-4, 0.4))
