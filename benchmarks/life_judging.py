@@ -15,7 +15,8 @@ from seo_slam.evaluation.true_objects import TruthObject, reach_m
 
 GHOST_KEYFRAMES = 10
 GHOST_SECONDS = 5.0
-HIDDEN_SHARE = 0.2
+HIDDEN_SHARE = 0.5
+SEEN_SHARE = 0.2
 HIDDEN_KEYFRAMES = 5
 SEEN_AGAIN_KEYFRAMES = 5
 
@@ -33,7 +34,7 @@ DEFINITIONS = {
     "left the map after the first of them, as a 'removed' event; lost: it did not, but is not stable at the end",
     "stayed": "all things that never changed and had a landmark at some time: whether the first landmark was removed later; a wider figure",
     "moved": "things moved that had a landmark before and were seen again in at least "
-    f"{SEEN_AGAIN_KEYFRAMES} keyframes (at least {100 * HIDDEN_SHARE:g} % visible, enough pixels for the detector). kept: the same "
+    f"{SEEN_AGAIN_KEYFRAMES} keyframes (at least {100 * SEEN_SHARE:g} % visible, enough pixels for the detector). kept: the same "
     "landmark, or the one it was merged into, stands for it at the end; other_id: another one does; not_mapped_again: none does",
     "took_another_id": "things that moved and end with the landmark that stood for another thing before the first change; "
     "others_took_another_id: things that did not move, and end with the landmark of one that left",
@@ -191,7 +192,7 @@ def judge_moved(moments: Sequence[Moment], left: Left, smallest_px: float) -> Ca
     if landmark_id is None:
         return case | {"verdict": "not_mapped"}
     views = [moment.true.seen.get(left.thing_id) for moment in later]
-    seen_again = sum(seen is not None and seen.visible_px >= smallest_px and seen.share >= HIDDEN_SHARE for seen in views)
+    seen_again = sum(seen is not None and seen.visible_px >= smallest_px and seen.share >= SEEN_SHARE for seen in views)
     case["views_again"] = seen_again
     if seen_again < SEEN_AGAIN_KEYFRAMES:
         return case | {"verdict": "not_seen_again"}
