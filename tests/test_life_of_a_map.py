@@ -132,3 +132,28 @@ def test_views_that_err_together_make_a_landmark_less_sure_and_not_elsewhere():
     alone, together = thing(1.0), thing(9.0)
     assert np.trace(together.covariance_m2) > 4 * np.trace(alone.covariance_m2)
     assert together.position_m == pytest.approx(alone.position_m, abs=1e-3)
+
+
+class LostFrom:
+    """Odometry that loses its way at a frame and guesses that the camera stands still."""
+
+    def __init__(self, first, count):
+        self.first = first
+        self.inner = RecordedOdometry(Trajectory(0.5 * np.arange(count), np.array([pose()] * count)))
+
+    def update(self, frame):
+        motion = self.inner.update(frame)
+        return motion if frame.index < self.first else replace(motion, status="lost", message="test")
+
+
+def test_a_camera_that_lost_its_way_takes_nothing_off_the_map():
+    present = [[CUP, *REST]] * 12 + [[]] * 8  # it looks elsewhere from then on, and thinks that it still stands there
+    results = {}
+    for first in (12, 99):
+        with Pipeline(detector=Finder(present), odometry=LostFrom(first, len(present)), embedder=HashedEmbedder()) as pipeline:
+            for index, blocks in enumerate(present):
+                pipeline.step(frame(index, blocks))
+            results[first] = pipeline.result()
+    assert len(results[12].map.landmarks) == 4
+    assert kinds(results[12], "lost", "removed") == []
+    assert len(results[99].map.landmarks) == 0  # had it really stood there, they would be gone

@@ -197,7 +197,8 @@ _PAPER: dict[str, Any] = {
     "map": {"stable_observations": 3, "stable_seconds": 0.0, "merge_duplicates": False},
     "life": {"enabled": False},
 }
-"""Table II's variants without agents have nothing in them that is not in the paper."""
+"""Table II's variants without agents: without what of ours decides about a landmark's life (merging, existence, one box a place).
+Lifting and graph are the same in all variants; the paper leaves them open."""
 
 PRESETS: dict[str, dict[str, Any]] = {
     "seo_slam": {},

@@ -325,7 +325,9 @@ class Pipeline:
         with clock.stage("map"):
             events = self._integrate(frame, observations[used], landmark_ids[used])
         with clock.stage("life"):
-            view = DepthView(frame.camera, frame.depth_m, self._estimate.T_world_camera, frame.timestamp_s)
+            lost = motion is not None and motion.status == "lost"  # a guessed camera misses nothing
+            depth_m = np.zeros_like(frame.depth_m) if lost else frame.depth_m
+            view = DepthView(frame.camera, depth_m, self._estimate.T_world_camera, frame.timestamp_s)
             events += self._life.step(view, _after_merges(landmark_ids[used], events), parts.smoother)
         if parts.agents:
             with clock.stage("agents"):

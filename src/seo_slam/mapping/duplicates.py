@@ -1,6 +1,7 @@
 """Which landmarks are unambiguously one: detectors fire twice on a thing now and then, and a first view may be a poor one."""
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from seo_slam.association.label_likelihood import LabelLikelihood
 from seo_slam.camera import Camera
@@ -63,11 +64,16 @@ def _mutual_nearest(p_world: FloatArray, wanted: BoolArray) -> list[tuple[int, i
     """Rows of points that are each other's nearest, one of them wanted (N,)."""
     if len(p_world) < 2:
         return []
-    squared = np.sum((p_world[:, None] - p_world[None]) ** 2, axis=2)
-    np.fill_diagonal(squared, np.inf)
-    nearest = squared.argmin(axis=1)
-    mutual = nearest[nearest] == np.arange(len(nearest))
-    return [(int(a), int(nearest[a])) for a in np.flatnonzero(mutual) if a < nearest[a] and (wanted[a] or wanted[nearest[a]])]
+    tree = cKDTree(p_world)
+    nearest = {int(a): _other(tree, p_world, int(a)) for a in np.flatnonzero(wanted)}
+    mutual = {(min(a, b), max(a, b)) for a, b in nearest.items() if (nearest[b] if b in nearest else _other(tree, p_world, b)) == a}
+    return sorted(mutual)
+
+
+def _other(tree: cKDTree, p_world: FloatArray, row: int) -> int:
+    """Row of the point nearest to one, other than itself."""
+    first, second = np.asarray(tree.query(p_world[row], k=2)[1]).tolist()
+    return int(second if first == row else first)
 
 
 def _one_within_other(a: Thing, b: Thing, apart_m: FloatArray) -> bool:

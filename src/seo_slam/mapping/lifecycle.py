@@ -86,7 +86,10 @@ class LifeCycle:
             thing.existence = believe(own, recall, gaps.outlasting(own.tail, own.gaps), self._settings.vanishing).there
             events += self._judge(thing, p_world[int(np.searchsorted(ids, thing.id))], view.timestamp_s, smoother)
         self._moves.remember(view)
-        return events + self._moves.resolve(smoother, view.timestamp_s)
+        moved = self._moves.resolve(smoother, view.timestamp_s)
+        for event in moved:  # what comes to its old place next is another thing
+            self._buried.pop(event.landmark_id, None)
+        return events + moved
 
     def _weigh(self, thing: Thing, sight: Sight, row: int, hit: bool) -> bool:
         """Count a view for or against a landmark; False if it says nothing."""
@@ -113,7 +116,7 @@ class LifeCycle:
             self._moves.vanished(thing, p_world, now_s)
             return [self._becomes(thing, "lost", "lost")]
         hopeless = thing.existence < settings.removed_existence and thing.sightings.tail >= settings.removed_misses
-        if hopeless and now_s - thing.last_seen_s >= settings.removed_seconds:
+        if hopeless and not 0 <= now_s - thing.last_seen_s < settings.removed_seconds:  # below 0: the clock began anew
             return [self._remove(thing, p_world, smoother)]
         return []
 
@@ -164,8 +167,8 @@ class SightingsOnly:
         events = []
         for thing in (self._map[int(i)] for i in hits if int(i) in self._map):
             thing.existence = 1.0
-            if thing.state == "tentative" and self._map.is_confirmed(thing):
+            if thing.state != "stable" and self._map.is_confirmed(thing):
+                events.append(MapEvent("found" if thing.state == "lost" else "stable", thing.id, thing.label))
                 thing.state = "stable"
                 thing.version += 1
-                events.append(MapEvent("stable", thing.id, thing.label))
         return events

@@ -33,6 +33,9 @@ UNKNOWN_SIGMA_M = 1.0
 
 LOOKS_KEPT = 30
 
+HITS_RESTORED = 20
+"""A stable landmark of a continued map is believed as if it had been found so often, or as often as it was."""
+
 SURFACE_VIEWS, SURFACE_POINTS = 4, 24
 """So many views of a thing's surface are remembered, and points of each."""
 
@@ -164,6 +167,7 @@ class ObjectMap:
             whole_sizes=[landmark.size_m.copy()],
             observations=landmark.observations,
             existence=landmark.existence,
+            sightings=Sightings(hits=min(landmark.observations, HITS_RESTORED)) if landmark.state == "stable" else Sightings(),
             state=landmark.state,
             version=landmark.version,
         )
@@ -226,7 +230,8 @@ class ObjectMap:
 
     def is_confirmed(self, thing: Thing) -> bool:
         """Whether it was seen often and long enough to be stable."""
-        old_enough = thing.last_seen_s - thing.first_seen_s >= self.settings.stable_seconds - 1e-6
+        known_s = thing.last_seen_s - thing.first_seen_s
+        old_enough = known_s < 0 or known_s >= self.settings.stable_seconds - 1e-6  # below 0: the clock began anew with a continued map
         return old_enough and thing.observations >= self.settings.stable_observations
 
     def _remember_shape(self, thing: Thing, observations: Observations, row: int, T_world_camera: FloatArray, p_world: FloatArray) -> None:
@@ -300,7 +305,8 @@ class ObjectMap:
         thing.embedding_sum = thing.embedding_sum + old.embedding_sum
         thing.observations += old.observations
         thing.first_seen_s = old.first_seen_s
-        thing.fixed_label, thing.fixed_embedding = old.fixed_label, old.fixed_embedding
+        if thing.fixed_label is None:
+            thing.fixed_label, thing.fixed_embedding = old.fixed_label, old.fixed_embedding
         thing.id, thing.version = old.id, old.version + 1
         thing.changed()
         self.things[old.id] = thing

@@ -35,12 +35,11 @@ class MeasuredRecall:
         rates = np.array([*PRIOR_RATES, *things])
         self._a, self._b = LIKENESS * rates + 0.5, LIKENESS * (1.0 - rates) + 0.5
         weights = np.array([PRIOR_WEIGHT / len(PRIOR_RATES)] * len(PRIOR_RATES) + [1.0] * len(things))
-        self._log_weights = np.log(weights / weights.sum())
+        self._log_weights = np.log(weights / weights.sum()) - betaln(self._a, self._b)
 
     def log_likelihood(self, hits: float, misses: float) -> float:
         """Return the log probability of a sequence of hits and misses of a thing that is there."""
-        each = betaln(self._a + hits, self._b + misses) - betaln(self._a, self._b)
-        return float(logsumexp(self._log_weights + each))
+        return float(logsumexp(self._log_weights + betaln(self._a + hits, self._b + misses)))
 
 
 PRIOR_GAPS = 10.0

@@ -6,7 +6,7 @@ import numpy as np
 
 from seo_slam.camera import Camera
 from seo_slam.config import KeyframeSettings
-from seo_slam.geometry import FloatArray, inverse, transform_points
+from seo_slam.geometry import inverse, transform_points
 from seo_slam.mapping.keyframes import is_keyframe
 from seo_slam.records import Trajectory
 from seo_slam.simulation.detector import DetectorKnobs
@@ -27,7 +27,7 @@ def truth_of(scene: Scene, camera: Camera, trajectory: Trajectory, renderer: Ren
     small = scaled(camera, _WIDTH_PX)
     enough_px = DetectorKnobs().smallest_px * small.width * small.height / (640 * 480)
     since = {thing.id: scene.last_change_s(thing.id) for thing in scene.end.things}
-    points: dict[int, list[FloatArray]] = {thing_id: [] for thing_id in since}
+    sums = {thing_id: np.zeros(4) for thing_id in since}  # of x, y, z and of how many points
     seen = dict.fromkeys(since, 0)
     for index in keyframe_indices(trajectory):
         T_world_camera = trajectory.T_world_camera[index]
@@ -38,12 +38,13 @@ def truth_of(scene: Scene, camera: Camera, trajectory: Trajectory, renderer: Ren
         for thing_id in (int(i) for i in np.unique(view.instance_ids[v, u])):
             if thing_id in since and timestamp_s >= since[thing_id]:
                 own = view.instance_ids[v, u] == thing_id
-                points[thing_id].append(p_world[own])
+                sums[thing_id] += [*p_world[own].sum(axis=0), own.sum()]
                 seen[thing_id] += int(own.sum() >= enough_px)
     objects = []
     for thing in scene.end.things:
         low, high = thing.bounds_world
-        surface = np.concatenate(points[thing.id]).mean(axis=0) if points[thing.id] else thing.p_world
+        total = sums[thing.id]
+        surface = total[:3] / total[3] if total[3] else thing.p_world
         objects.append(
             {
                 "id": thing.id,
