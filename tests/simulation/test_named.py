@@ -64,13 +64,11 @@ def test_what_cannot_be_is_refused(name: str, options: dict, words: str) -> None
 
 
 def test_a_mesh_folder_without_manifest_is_refused(tmp_path: Path) -> None:
-    pytest.importorskip("embreex")
     with pytest.raises(DatasetError, match=r"manifest\.json"):
         simulate("SM1", meshes=tmp_path)
 
 
 def test_the_house_needs_no_manifest(tmp_path: Path) -> None:
-    pytest.importorskip("embreex")
     (tmp_path / "scene.json").write_text("no list")
     with pytest.raises(DatasetError, match=r"scene\.json: not readable"):
         simulate("house", meshes=tmp_path)
