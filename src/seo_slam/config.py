@@ -98,6 +98,28 @@ class LifeSettings(Settings):
     removed_seconds: float = Field(1.0, ge=0, description="and so long after it was last seen")
 
 
+class RunnerSettings(Settings):
+    """When agents are asked, and how many at once."""
+
+    mode: Literal["inline", "background", "virtual"] = Field(
+        "inline",
+        description="inline: at once, every keyframe waits for them; background: in one thread, nothing waits; "
+        "virtual: an answer counts so many recorded seconds later, whatever the machine's load",
+    )
+    in_flight: int = Field(8, ge=1, description="questions asked at once")
+    queue: int = Field(64, ge=1, description="questions waiting; beyond it those about the oldest views are dropped")
+    view_period_s: float = Field(0.5, ge=0, description="least time between two views that agents are shown")
+    latency_s: float = Field(1.0, ge=0, description="virtual: seconds from question to answer")
+    shutdown_s: float = Field(1.0, gt=0, description="closing waits at most so long for the thread to end")
+
+
+class EditSettings(Settings):
+    """What the map does with what agents propose."""
+
+    rails: bool = Field(True, description="off: every edit whose version holds is applied, as in the paper")
+    quota: int = Field(8, ge=1, description="edits applied a keyframe; the rest wait")
+
+
 class Config(Settings):
     """Everything a Pipeline needs to build itself."""
 
@@ -114,6 +136,8 @@ class Config(Settings):
     graph: SmootherSettings = SmootherSettings()
     map: MapSettings = MapSettings()
     life: LifeSettings = LifeSettings()
+    runner: RunnerSettings = RunnerSettings()
+    edits: EditSettings = EditSettings()
     seed: int = Field(0, ge=0, description="of every part that draws random numbers")
 
     @classmethod

@@ -14,6 +14,9 @@
         EditRefused                    an agent's edit does not hold any more
         MapFormatError                 a map file of another schema, or cut off
       AgentError                       an agent could not answer; the map is unchanged
+        ChatRequestError               no reply could be had: network, server, key
+        ChatReplyError                 a reply came, and is not what was asked for
+        BudgetExceeded                 tokens or money are spent; agents stop, the run goes on
 
 The caller's mistake raises at once, before any state changes. The world's mistake (no depth, no detections, odometry lost)
 never raises: it is a warning in ``StepResult``.
@@ -77,3 +80,23 @@ class MapFormatError(MapError):
 
 class AgentError(SeoSlamError):
     """An agent could not answer. The map is unchanged."""
+
+
+class ChatRequestError(AgentError):
+    """No reply could be had from a chat model.
+
+    Attributes:
+        permanent: asking again is of no use: the key is refused, the model is unknown.
+    """
+
+    def __init__(self, message: str, permanent: bool = False) -> None:
+        super().__init__(message)
+        self.permanent = permanent
+
+
+class ChatReplyError(AgentError):
+    """A chat model replied with something other than what was asked for."""
+
+
+class BudgetExceeded(AgentError):  # noqa: N818  # a limit, not a fault
+    """The tokens or the money set aside for a chat model are spent."""

@@ -5,14 +5,12 @@
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any, Protocol, runtime_checkable
-
-import numpy as np
+from collections.abc import Awaitable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Literal, Protocol, runtime_checkable
 
 from seo_slam.geometry import FloatArray
-from seo_slam.records import Edit, KeyframeRecord
+from seo_slam.records import Amendment, Edit, EditRecord, KeyframeRecord
 from seo_slam.types import (
     Association,
     Estimate,
@@ -78,15 +76,64 @@ class Embedder(Protocol):
         ...
 
 
+@dataclass(frozen=True, slots=True)
+class ChatRequest:
+    """One question to a chat model.
+
+    Attributes:
+        system: the instruction; ours, never text from an image.
+        text: the question; what detectors or models said stands in it as JSON.
+        images: encoded files, PNG or JPEG.
+        schema: JSON schema of the reply, every field required; None for free text.
+        schema_name: what the schema is called.
+        turns: (reply, complaint) of earlier attempts at the same question, oldest first.
+        temperature, max_tokens: the paper's values by default (SEO-SLAM IV-B).
+    """
+
+    system: str
+    text: str
+    images: tuple[bytes, ...] = ()
+    schema: Mapping[str, Any] | None = None
+    schema_name: str = "reply"
+    turns: tuple[tuple[str, str], ...] = ()
+    temperature: float = 0.7
+    max_tokens: int = 250
+
+
+@dataclass(frozen=True, slots=True)
+class ChatReply:
+    """What a chat model said.
+
+    Attributes:
+        text: the reply, as it came.
+        model: which model said it.
+        prompt_tokens, completion_tokens: as the server counts them; 0 for a cached reply, estimated where the server says nothing.
+        cached: it was taken from a cache.
+    """
+
+    text: str
+    model: str = ""
+    prompt_tokens: int = 0
+    completion_tokens: int = 0
+    cached: bool = False
+
+
 @runtime_checkable
 class ChatModel(Protocol):
     """A language model that may see images."""
 
-    def complete(self, system: str, text: str, images: Sequence[np.ndarray[Any, np.dtype[np.uint8]]] = ()) -> str:
-        """Return the reply to one message; ``images`` are uint8 (H, W, 3) RGB.
+    @property
+    def name(self) -> str:
+        """Which model this is; written beside every edit that it led to."""
+        ...
+
+    async def complete(self, request: ChatRequest) -> ChatReply:
+        """Return the reply to one question. Many may be asked at once.
 
         Raises:
-            AgentError: no reply could be had.
+            ChatRequestError: no reply could be had.
+            ChatReplyError: the reply is empty or refused.
+            BudgetExceeded: no question is allowed any more.
         """
         ...
 
@@ -166,6 +213,18 @@ class MapStore(Protocol):
         """
         ...
 
+    def amend(self, amendment: Amendment) -> None:
+        """Keep a change of the map that no keyframe made, wholly or not at all.
+
+        Raises:
+            MapError: its keyframe is not the newest, or the store is closed.
+        """
+        ...
+
+    def edits(self) -> tuple[EditRecord, ...]:
+        """Everything that agents proposed and what became of it, in the order it was kept; the first is edit number 1."""
+        ...
+
     def set_meta(self, key: str, value: str) -> None:
         """Keep a fact about the whole map, such as its "gravity" or "embedder"."""
         ...
@@ -214,6 +273,28 @@ class Associator(ABC):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Evidence:
+    """What the map knows of a landmark beside its row in ``Landmarks``.
+
+    Attributes:
+        existence: probability that it is there.
+        hits, misses: views in which it should have been seen, and was, and was not.
+        weights: word -> summed score of the detections that said it; what agents said is not in it.
+        surface_world: (M, 3) points of its surface, metres.
+        seen_apart: other landmark -> keyframes in which both were detected at once, in boxes of their own.
+        is_new: no agent has said anything of it yet.
+    """
+
+    existence: float
+    hits: int
+    misses: int
+    weights: Mapping[str, float]
+    surface_world: FloatArray
+    seen_apart: Mapping[int, int]
+    is_new: bool = True
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class AgentView:
     """The immutable view of the map that an agent is given.
 
@@ -221,26 +302,57 @@ class AgentView:
         frame: the image.
         T_world_camera: (4, 4) pose of its camera.
         landmarks: stable landmarks with ids and versions, world frame.
-        boxes_px: landmark id -> (4,) box of it in the image, for those that project into it.
+        boxes_px: landmark id -> (4,) box of it in the image, for those that are to be seen in it.
+        keyframe_id: which keyframe the image is.
+        asked: ids that this question is about, all with a box; empty: all with a box.
+        known_labels: labels that agents gave so far; alike things are to get alike labels.
+        evidence: landmark id -> what else is known, for those with a box.
     """
 
     frame: Frame
     T_world_camera: FloatArray
     landmarks: Landmarks
-    boxes_px: dict[int, FloatArray]
+    boxes_px: Mapping[int, FloatArray]
+    keyframe_id: int = 0
+    asked: tuple[int, ...] = ()
+    known_labels: tuple[str, ...] = ()
+    evidence: Mapping[int, Evidence] = field(default_factory=dict)
+
+
+AgentRole = Literal["verification", "description", "merging", "any"]
 
 
 class Agent(ABC):
-    """Looks at the map and proposes edits; the map disposes (SEO-SLAM III-D). Subclass it and write ``propose``."""
+    """Looks at the map and proposes edits; the map disposes (SEO-SLAM III-D). Subclass it and write ``propose``.
+
+    Attributes:
+        role: when it is asked (Fig 3). "verification": of every landmark in view, new ones first; it answers ``Confirm``, ``Doubt`` or
+            ``Remove``. "description": of new landmarks and doubted ones; ``Relabel``, ``Confirm`` or ``Remove``. "merging": of those
+            confirmed or relabelled; ``Merge``. "any": of every view, once, and may answer with anything.
+        most_landmarks: how many it is asked of at once.
+    """
+
+    role: AgentRole = "any"
+    most_landmarks: int = 1000
 
     @property
     def name(self) -> str:
         """Written beside every edit of this agent."""
         return type(self).__name__
 
+    @property
+    def model(self) -> str:
+        """Name of the model that it asks; "" if it asks none."""
+        return ""
+
+    @property
+    def prompt_hash(self) -> str:
+        """Which prompt it asks with; "" if it asks no model."""
+        return ""
+
     @abstractmethod
-    def propose(self, view: AgentView) -> Sequence[Edit]:
-        """Return edits of landmarks in ``view``; an empty sequence to abstain.
+    def propose(self, view: AgentView) -> Sequence[Edit] | Awaitable[Sequence[Edit]]:
+        """Return edits of landmarks in ``view``; an empty sequence to abstain. May be an ``async def``: then many are asked at once.
 
         Raises:
             AgentError: no answer could be had; it becomes a warning and the run goes on.

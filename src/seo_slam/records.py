@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 
@@ -28,13 +29,28 @@ class Confirm:
 
 
 @dataclass(frozen=True, slots=True)
+class Doubt:
+    """An agent found the landmark there, but its label wrong. It changes nothing by itself: whoever describes things is asked next."""
+
+    landmark_id: int
+    version: int
+    source: str = ""
+
+
+@dataclass(frozen=True, slots=True)
 class Relabel:
-    """An agent proposes another label."""
+    """An agent proposes another label.
+
+    Attributes:
+        label: in words that tell alike things apart: "green hiking boot".
+        category: the plain word for such a thing, "shoe", for association and scoring; "" where the label is plain itself.
+    """
 
     landmark_id: int
     version: int
     label: str
     source: str = ""
+    category: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +73,57 @@ class Merge:
     source: str = ""
 
 
-Edit = Confirm | Relabel | Remove | Merge
+Edit = Confirm | Doubt | Relabel | Remove | Merge
+
+EditOutcome = Literal["applied", "noted", "stale", "refused"]
+
+
+@dataclass(frozen=True, slots=True)
+class Proposal:
+    """An edit and where it comes from.
+
+    Attributes:
+        edit: what is proposed.
+        agent, model, prompt_hash: who proposed it; the model and prompt are "" for agents that ask none.
+        view_keyframe_id, view_s: the keyframe that was looked at, and its stamp.
+    """
+
+    edit: Edit
+    agent: str
+    model: str = ""
+    prompt_hash: str = ""
+    view_keyframe_id: int = 0
+    view_s: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class EditRecord:
+    """What became of a proposal.
+
+    Attributes:
+        kind: "confirm", "doubt", "relabel", "remove", "merge" or "undo".
+        landmark_id: whose; for "merge" the one that goes.
+        other_id: for "merge" the one that stays, else None.
+        outcome: "applied"; "noted": it counts, but changes nothing (yet); "stale": the landmark changed meanwhile; "refused".
+        detail: in words: the labels, or why it was not applied.
+        proposal's agent, model, prompt_hash, view_keyframe_id, view_s: see ``Proposal``.
+        keyframe_id, timestamp_s: when it was judged; ``timestamp_s - view_s`` is its age.
+        before: the landmarks it changed, as they were; empty if it changed none.
+    """
+
+    kind: str
+    landmark_id: int
+    other_id: int | None
+    outcome: EditOutcome
+    detail: str
+    agent: str
+    model: str
+    prompt_hash: str
+    view_keyframe_id: int
+    view_s: float
+    keyframe_id: int
+    timestamp_s: float
+    before: tuple[Landmark, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,6 +158,7 @@ class KeyframeRecord:
         landmarks: landmarks that are new or changed, as they are now.
         removed_ids: landmarks that left the map (merged into another or removed).
         events: the history lines of this keyframe.
+        edits: what agents proposed, and what became of it.
     """
 
     keyframe_id: int
@@ -105,6 +172,23 @@ class KeyframeRecord:
     landmarks: tuple[Landmark, ...]
     removed_ids: tuple[int, ...]
     events: tuple[MapEvent, ...]
+    edits: tuple[EditRecord, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Amendment:
+    """A change of the map without a keyframe: edits that came after the last one, or one that was undone.
+
+    Attributes:
+        keyframe_id: the newest keyframe.
+        landmarks, removed_ids, events, edits: as in ``KeyframeRecord``.
+    """
+
+    keyframe_id: int
+    landmarks: tuple[Landmark, ...]
+    removed_ids: tuple[int, ...]
+    events: tuple[MapEvent, ...]
+    edits: tuple[EditRecord, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -119,6 +203,7 @@ class StepResult:
         detections, observations, association: None between keyframes.
         landmark_ids: (K,) the landmark each observation went into, new ones included; ``REJECTED`` where none.
         events: what changed in the map.
+        edits: what agents proposed that was judged at this frame.
         warnings: the world's failures, in words; the run goes on.
         seconds: stage -> seconds.
     """
@@ -133,6 +218,7 @@ class StepResult:
     association: Association | None = None
     landmark_ids: IntArray | None = None
     events: tuple[MapEvent, ...] = ()
+    edits: tuple[EditRecord, ...] = ()
     warnings: tuple[str, ...] = ()
     seconds: Mapping[str, float] = field(default_factory=dict)
 

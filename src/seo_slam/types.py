@@ -224,6 +224,7 @@ class Landmark:
         state: "tentative" until seen often and long enough, then "stable"; "lost" while it is not where it should be seen.
         version: rises when label, state, merge or split change, not with every observation.
         existence: probability that it is there; 1 where that is not estimated.
+        category: the plain word for it that an agent gave beside a descriptive label: "shoe" of a "green hiking boot"; else "".
     """
 
     id: int
@@ -239,6 +240,7 @@ class Landmark:
     state: LandmarkState
     version: int = 0
     existence: float = 1.0
+    category: str = ""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
