@@ -51,6 +51,34 @@ def test_existence_and_lost_come_back(tmp_path):
     assert [(row.id, row.state, row.existence) for row in loaded.landmarks] == [(4, "stable", 0.875)]
 
 
+def described(landmark_id=4):
+    """A landmark that an agent called more than its plain word, which alone is among its labels."""
+    words = {"label": "chipped white mug", "category": "cup", "labels": {"cup": 0.9, "bowl": 0.1}}
+    return replace(make_landmark(landmark_id), **words)
+
+
+def test_a_descriptive_label_and_its_category_come_back(tmp_path):
+    Map([described(), make_landmark(5)]).save(tmp_path)
+    loaded = Map.load(tmp_path).landmarks
+    assert [(row.label, row.category, dict(row.labels)) for row in loaded] == [
+        ("chipped white mug", "cup", {"cup": 0.9, "bowl": 0.1}),
+        ("cup", "", {"cup": 0.75, "bowl": 0.25}),
+    ]
+    written = json.loads((tmp_path / "map.json").read_bytes())
+    assert list(jsonschema.Draft202012Validator(map_json_schema()).iter_errors(written)) == []
+    assert Map.load(tmp_path).to_json() == (tmp_path / "map.json").read_bytes()
+
+
+def test_without_agents_a_file_is_as_it_was_before_there_were_categories():
+    assert b"category" not in a_map().to_json()
+
+
+def test_a_label_that_neither_it_nor_its_category_is_among_labels_is_refused():
+    for row in (replace(described(), category="shoe"), replace(described(), category="")):
+        with pytest.raises(MapError, match="'chipped white mug' is not among labels"):
+            Map([row]).to_json()
+
+
 @pytest.mark.parametrize("value", [-0.1, 1.1, float("nan")])
 def test_an_existence_that_is_no_probability_is_not_written(value):
     with pytest.raises(MapError, match="existence"):

@@ -47,6 +47,12 @@ def test_csv_comes_back(two):
     assert len(list(csv.reader(io.StringIO(to_csv(two, tentative=True), newline="")))) == 4
 
 
+def test_csv_tells_the_category_and_its_weight():
+    boot = replace(make_landmark(1), label='=green "boot"', category="cup")
+    (row,) = csv.DictReader(io.StringIO(to_csv(Map([boot])), newline=""))
+    assert (row["label"], row["category"], float(row["weight"])) == ('=green "boot"', "cup", 0.75)
+
+
 def test_csv_of_an_empty_map_has_its_columns():
     assert to_csv(Map()).strip().split(",") == list(CSV_COLUMNS)
 

@@ -1,7 +1,7 @@
 """The map of things: load it, ask it, save it."""
 
 import logging
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Self, cast, get_args
@@ -121,7 +121,7 @@ class Map:
         rows = []
         for row in self._by_id.values():
             other = stored._by_id.get(row.id)
-            same = other is not None and _same_labels(row.labels, other.labels)
+            same = other is not None and _same_words(row, other)
             rows.append(replace(row, embedding=other.embedding) if other is not None and same else row)
         return type(self)(rows, self._gravity, self._embedder, self._next_id)
 
@@ -252,10 +252,10 @@ class Map:
         todo = [i for i, row in enumerate(rows) if not (own and row.embedding.shape == (model.size,) and row.embedding.any())]
         for i in set(range(len(rows))) - set(todo):
             out[i] = rows[i].embedding
-        words = sorted({word for i in todo for word in rows[i].labels})
+        words = sorted({word for i in todo for word in _weights(rows[i])})
         of_word = dict(zip(words, model.embed_text(words), strict=True)) if words else {}
         for i in todo:
-            for word, weight in rows[i].labels.items():
+            for word, weight in _weights(rows[i]).items():
                 out[i] += weight * of_word[word]
         lengths = np.linalg.norm(out, axis=1, keepdims=True)
         return np.asarray(np.divide(out, lengths, out=out, where=lengths > 0), dtype=np.float64)
@@ -292,8 +292,17 @@ def _read_only(array: FloatArray) -> FloatArray:
     return copy
 
 
-def _same_labels(a: Mapping[str, float], b: Mapping[str, float]) -> bool:
-    return a.keys() == b.keys() and all(abs(a[word] - b[word]) < 1e-8 for word in a)  # map.json rounds to 1e-9
+def _same_words(a: Landmark, b: Landmark) -> bool:
+    if (a.label, a.category, a.labels.keys()) != (b.label, b.category, b.labels.keys()):
+        return False
+    return all(abs(a.labels[word] - b.labels[word]) < 1e-8 for word in a.labels)  # map.json rounds to 1e-9
+
+
+def _weights(landmark: Landmark) -> dict[str, float]:
+    """Word -> weight in the landmark's embedding: its labels, and a descriptive label that is none of them with its category's weight."""
+    label = landmark.label
+    extra = {label: landmark.labels.get(landmark.category, 1.0)} if label and label not in landmark.labels else {}
+    return {**landmark.labels, **extra}
 
 
 def _some(ids: list[int], most: int = 12) -> str:

@@ -12,7 +12,16 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    SerializerFunctionWrapHandler,
+    ValidationError,
+    field_validator,
+    model_serializer,
+    model_validator,
+)
 
 from seo_slam.errors import MapError, MapFormatError
 from seo_slam.types import Landmark, LandmarkState
@@ -33,7 +42,10 @@ class LandmarkDocument(_Model):
     """One thing in the map."""
 
     id: int = Field(ge=0, description="Never reused, also not after the landmark was removed.")
-    label: str = Field(description='The heaviest word of "labels"; "" while nothing has named the thing.')
+    label: str = Field(
+        description='The heaviest word of "labels", or what an agent called the thing, which need not be among them where there is a '
+        '"category"; "" while nothing has named it.'
+    )
     labels: dict[str, NotNegative] = Field(description="Word -> weight; the weights sum to 1. Heaviest first.")
     position_m: Vector = Field(description="Centre [x, y, z] in the world frame, metres.")
     covariance_m2: tuple[Vector, Vector, Vector] = Field(
@@ -51,6 +63,8 @@ class LandmarkDocument(_Model):
         1.0, ge=0, le=1, allow_inf_nan=False, description="Probability that it is there; 1 where that is not estimated, or not given."
     )
 
+    category: str = Field("", description='The plain word that an agent gave beside a descriptive "label". Left out where there is none.')
+
     @field_validator("covariance_m2")
     @classmethod
     def _is_covariance(cls, value: tuple[Vector, Vector, Vector]) -> tuple[Vector, Vector, Vector]:
@@ -63,9 +77,16 @@ class LandmarkDocument(_Model):
 
     @model_validator(mode="after")
     def _label_is_among_labels(self) -> Self:
-        if self.label and self.labels and self.label not in self.labels:
-            raise ValueError(f"label {self.label!r} is not among labels")
+        if self.label and self.labels and self.label not in self.labels and self.category not in self.labels:
+            also = f", nor is its category {self.category!r}" if self.category else ""
+            raise ValueError(f"label {self.label!r} is not among labels{also}")
         return self
+
+    @model_serializer(mode="wrap")
+    def _without_empty_category(self, write: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        # A map that no agent has touched keeps the bytes it always had, and older readers, which know no such field, read it.
+        fields: dict[str, Any] = write(self)
+        return fields if self.category else {key: value for key, value in fields.items() if key != "category"}
 
 
 class MapDocument(_Model):
@@ -132,7 +153,7 @@ def make_document(landmarks: Iterable[Landmark], gravity: Gravity, embedder: str
 
 
 def landmark_fields(landmark: Landmark) -> dict[str, Any]:
-    """Return a landmark as it stands in map.json: plain numbers, lists and words."""
+    """Return a landmark as it stands in map.json: plain numbers, lists and words; no "category" where it has none."""
     covariance = np.asarray(landmark.covariance_m2, dtype=np.float64)
     symmetric = 0.5 * (covariance + covariance.T)
     weights = {word: _rounded(weight) for word, weight in landmark.labels.items()}
@@ -149,6 +170,7 @@ def landmark_fields(landmark: Landmark) -> dict[str, Any]:
         "state": landmark.state,
         "version": int(landmark.version),
         "existence": _rounded(landmark.existence),
+        **({"category": landmark.category} if landmark.category else {}),
     }
 
 
@@ -172,6 +194,7 @@ def landmark_from(row: LandmarkDocument) -> Landmark:
         state=row.state,
         version=row.version,
         existence=row.existence,
+        category=row.category,
     )
 
 

@@ -15,7 +15,7 @@ from seo_slam.types import Landmark
 
 CSV_COLUMNS = (
     "id", "label", "weight", "x_m", "y_m", "z_m", "sigma_x_m", "sigma_y_m", "sigma_z_m", "size_x_m", "size_y_m", "size_z_m",
-    "observations", "first_seen_s", "last_seen_s", "state", "existence",
+    "observations", "first_seen_s", "last_seen_s", "state", "existence", "category",
 )  # fmt: skip
 
 # Corners of a box as signs of its half size; the triangles of its sides, seen from outside counter-clockwise.
@@ -29,7 +29,7 @@ _LEAST_SIDE_M = 0.01
 def to_csv(source: Map, tentative: bool = False) -> str:
     """Return one line a landmark, by rising id, under a line with ``CSV_COLUMNS``; world frame, metres, seconds.
 
-    ``weight`` is that of ``label`` among all labels seen; ``sigma_*_m`` are standard deviations of the position.
+    ``weight`` is that of ``label``, or else of ``category``, among all labels seen; ``sigma_*_m`` are standard deviations of the position.
 
     Args:
         source: the map.
@@ -41,9 +41,10 @@ def to_csv(source: Map, tentative: bool = False) -> str:
     for row in _chosen(source, tentative):
         sigma_m = np.sqrt(np.diag(row.covariance_m2))
         numbers = [repr(round(float(x), 9) + 0.0) for x in (*row.position_m, *sigma_m, *row.size_m)]
-        weight = round(row.labels.get(row.label, 0.0), 9)
+        weight = round(row.labels.get(row.label, row.labels.get(row.category, 0.0)), 9)
         stamps = (row.first_seen_s, row.last_seen_s)
-        writer.writerow((row.id, row.label, weight, *numbers, row.observations, *stamps, row.state, round(row.existence, 9)))
+        tail = (row.observations, *stamps, row.state, round(row.existence, 9), row.category)
+        writer.writerow((row.id, row.label, weight, *numbers, *tail))
     return out.getvalue()
 
 

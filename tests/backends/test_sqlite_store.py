@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from seo_slam.backends.sqlite_schema import _FROM_1_TO_2, USER_VERSION
+from seo_slam.backends.sqlite_schema import _MIGRATIONS, USER_VERSION
 from seo_slam.backends.sqlite_store import SqliteStore
 from seo_slam.errors import ConfigError, MapError, MapFormatError
 from seo_slam.records import MapEvent
@@ -176,18 +176,44 @@ def test_another_version_is_refused(path):
     db.execute(f"PRAGMA user_version = {USER_VERSION + 1}")
     db.close()
     for read_only in (False, True):
-        with pytest.raises(MapFormatError, match=r"got seo_slam\.db/3, wanted seo_slam\.db/2"):
+        with pytest.raises(MapFormatError, match=r"got seo_slam\.db/4, wanted seo_slam\.db/3"):
             SqliteStore(path, read_only=read_only)
 
 
-def as_version_1(path):
-    """Turn a file into what the first version wrote: landmarks without existence."""
+AS_VERSION_2 = """
+    ALTER TABLE landmark DROP COLUMN category; ALTER TABLE event DROP COLUMN amendment; DROP TABLE edit;
+    CREATE TABLE history_2 AS SELECT * FROM landmark_history; ALTER TABLE history_2 DROP COLUMN category;
+    ALTER TABLE history_2 DROP COLUMN amendment; DROP TABLE landmark_history;
+    CREATE TABLE landmark_history (
+        keyframe_id INTEGER NOT NULL, landmark_id INTEGER NOT NULL, change TEXT NOT NULL, state TEXT, label TEXT, labels TEXT,
+        x_m REAL, y_m REAL, z_m REAL, covariance_m2 BLOB, size_m BLOB, embedding_id INTEGER,
+        observations INTEGER, first_seen_s REAL, last_seen_s REAL, version INTEGER, existence REAL,
+        PRIMARY KEY (keyframe_id, landmark_id)) WITHOUT ROWID;
+    INSERT INTO landmark_history SELECT * FROM history_2; DROP TABLE history_2;
+    CREATE INDEX history_of_landmark ON landmark_history (landmark_id);
+    UPDATE meta SET value = 'seo_slam.db/2' WHERE key = 'schema'; PRAGMA user_version = 2;
+    """
+
+AS_VERSION_1 = """
+    ALTER TABLE landmark DROP COLUMN existence; ALTER TABLE landmark_history DROP COLUMN existence;
+    UPDATE meta SET value = 'seo_slam.db/1' WHERE key = 'schema'; PRAGMA user_version = 1;
+    """
+
+
+def run_script(path, script):
     db = sqlite3.connect(path)
-    db.executescript(
-        "ALTER TABLE landmark DROP COLUMN existence; ALTER TABLE landmark_history DROP COLUMN existence;"
-        "UPDATE meta SET value = 'seo_slam.db/1' WHERE key = 'schema'; PRAGMA user_version = 1;"
-    )
+    db.executescript(script)
     db.close()
+
+
+def as_version_2(path):
+    """Turn a file into what the second version wrote: without categories, edits and changes after a keyframe."""
+    run_script(path, AS_VERSION_2)
+
+
+def as_version_1(path):
+    """Turn a file into what the first version wrote: landmarks without existence, too."""
+    run_script(path, AS_VERSION_2 + AS_VERSION_1)
 
 
 def columns(path, table):
@@ -221,17 +247,46 @@ def test_a_file_of_version_1_that_is_continued_becomes_one_of_this_version(path,
         assert [row.existence for row in store.keyframe(3).landmarks] == [0.875]
         assert store.keyframe(3).removed_ids == (2,)
     fill(tmp_path / "new.db")
-    for table in ("landmark", "landmark_history"):
+    for table in ("landmark", "landmark_history", "event", "edit"):
         assert columns(path, table) == columns(tmp_path / "new.db", table)
     with sqlite3.connect(path) as db:
         assert db.execute("SELECT value FROM meta WHERE key = 'schema'").fetchone() == (f"seo_slam.db/{USER_VERSION}",)
     db.close()
 
 
+def test_a_file_of_version_2_is_read_without_categories_and_not_touched(path):
+    fill(path)
+    as_version_2(path)
+    before = path.read_bytes()
+    with SqliteStore(path, read_only=True) as store:
+        assert [(row.existence, row.category) for row in store.landmarks()] == [(0.875, "")] * 2
+        require_same_landmark(store.keyframe(1).landmarks[0], make_landmark(1, version=1))
+    assert path.read_bytes() == before
+
+
+def test_a_file_of_version_2_that_is_continued_keeps_its_history(path, tmp_path):
+    fill(path)
+    with SqliteStore(path) as store:
+        store.commit(make_record(3, (), (), (2,)))
+    as_version_2(path)
+    shoe = replace(make_landmark(1), label="green hiking boot", category="cup")
+    with SqliteStore(path) as store:
+        store.commit(make_record(4, (1,), (shoe,)))
+    fill(tmp_path / "new.db")
+    for table in ("landmark", "landmark_history", "event", "edit"):
+        assert columns(path, table) == columns(tmp_path / "new.db", table)
+    with SqliteStore(path, read_only=True) as store:
+        assert [store.keyframe(k).landmarks[0].version for k in range(3)] == [0, 1, 2]
+        require_same_landmark(store.keyframe(1).landmarks[0], make_landmark(1, version=1))
+        assert store.keyframe(3).removed_ids == (2,)
+        assert len(store.history(1)) == 3
+        assert [(row.label, row.category) for row in store.landmarks()] == [("green hiking boot", "cup")]
+
+
 def test_a_migration_that_fails_leaves_the_old_file(path, monkeypatch):
     fill(path)
     as_version_1(path)
-    monkeypatch.setattr("seo_slam.backends.sqlite_schema._FROM_1_TO_2", (*_FROM_1_TO_2[:-1], "nonsense"))
+    monkeypatch.setitem(_MIGRATIONS, 2, (*_MIGRATIONS[2], "nonsense"))
     with pytest.raises(MapFormatError, match="nonsense"):
         SqliteStore(path)
     with SqliteStore(path, read_only=True) as store:

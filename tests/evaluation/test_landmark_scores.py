@@ -1,6 +1,7 @@
 """Protocol landmarks/1: who matches whom, what is counted, and its laws."""
 
 import itertools
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -258,6 +259,15 @@ def test_each_class_has_a_row_and_labels_of_no_class_have_one_of_their_own():
     assert [row.landmarks for row in result.per_class] == [1, 3, 1, 1, 2]
     # Where labels are ignored, a false landmark still counts under the class of its own word.
     assert rows_of(evaluate_landmarks(found, truth, LabelRule.geometry()))["cup"] == (2, 1, 1, 1, 0, 1)
+
+
+def test_a_false_landmark_counts_under_the_class_that_its_category_names():
+    truth = Truth((thing("a", "shoe", (0, 0, 0)), thing("b", "boot", (5, 0, 0))))
+    boot = replace(landmark(1, "boot", (9, 9, 9)), category="shoe")
+    table = rows_of(evaluate_landmarks([boot], truth))
+    assert (table["shoe"][-1], table["boot"][-1]) == (1, 0)
+    unheard = replace(boot, category="footwear")  # it names no class, but the label does
+    assert rows_of(evaluate_landmarks([unheard], truth))["boot"][-1] == 1
 
 
 def test_a_mislabelled_landmark_is_false_and_its_object_missing():

@@ -16,7 +16,8 @@ EmbeddingId = Callable[[FloatArray], int | None]
 Row = tuple[Any, ...]
 
 LANDMARK_COLUMNS = (
-    "state, label, labels, x_m, y_m, z_m, covariance_m2, size_m, embedding_id, observations, first_seen_s, last_seen_s, version, existence"
+    "state, label, labels, x_m, y_m, z_m, covariance_m2, size_m, embedding_id, observations, first_seen_s, last_seen_s, version, "
+    "existence, category"
 )
 OBSERVATION_COLUMNS = (
     "keyframe_id, row, landmark_id, p_camera, cov_camera, size_m, label, score, box_px, truncated, detection_row, embedding_id"
@@ -65,17 +66,22 @@ def landmark_values(landmark: Landmark, embedding_id: EmbeddingId) -> Row:
         float(landmark.last_seen_s),
         int(landmark.version),
         float(landmark.existence),
+        landmark.category,
     )
 
 
 def readable_landmark_columns(user_version: int) -> str:
-    """``LANDMARK_COLUMNS`` as a file of a version can give them: version 1 knew no existence."""
-    return LANDMARK_COLUMNS if user_version > 1 else LANDMARK_COLUMNS.replace(", existence", ", 1.0")
+    """``LANDMARK_COLUMNS`` as a file of a version can give them: version 1 knew no existence, version 2 no category."""
+    columns = LANDMARK_COLUMNS
+    if user_version < 3:
+        columns = columns.replace(", category", ", ''")
+    return columns if user_version > 1 else columns.replace(", existence", ", 1.0")
 
 
 def landmark_from(row: Row, vectors: Mapping[int, FloatArray]) -> Landmark:
     """The landmark of a row ``id, LANDMARK_COLUMNS``."""
-    landmark_id, state, label, labels, x, y, z, covariance, size, embedding_id, observations, first_s, last_s, version, existence = row
+    landmark_id, state, label, labels, x, y, z, covariance, size, embedding_id, observations, *others = row
+    first_s, last_s, version, existence, category = others
     if state not in get_args(LandmarkState):
         raise ValueError(f"landmark {landmark_id}: got state {state!r}, wanted one of {', '.join(get_args(LandmarkState))}")
     return Landmark(
@@ -92,6 +98,7 @@ def landmark_from(row: Row, vectors: Mapping[int, FloatArray]) -> Landmark:
         state=cast(LandmarkState, state),
         version=version,
         existence=float(existence),
+        category=category,
     )
 
 

@@ -17,8 +17,8 @@ from seo_slam.errors import MapError, MapFormatError
 Durability = Literal["normal", "full"]
 
 APPLICATION_ID = 0x53454F4D
-USER_VERSION = 2
-"""1: the first. 2: landmarks have an existence."""
+USER_VERSION = 3
+"""1: the first. 2: landmarks have an existence. 3: landmarks have a category; edits of agents; changes after a keyframe."""
 
 SCHEMA_NAME = f"seo_slam.db/{USER_VERSION}"
 
@@ -29,6 +29,26 @@ _LANDMARK_COLUMNS = """
 
 _EXISTENCE_OF_LANDMARK = "existence REAL NOT NULL DEFAULT 1.0"
 _EXISTENCE_IN_HISTORY = "existence REAL"
+_CATEGORY_OF_LANDMARK = "category TEXT NOT NULL DEFAULT ''"
+_AMENDMENT = "amendment INTEGER NOT NULL DEFAULT 0"
+
+_HISTORY = f"""
+CREATE TABLE landmark_history (
+    keyframe_id INTEGER NOT NULL, landmark_id INTEGER NOT NULL, change TEXT NOT NULL, {_LANDMARK_COLUMNS.format("")},
+    {_EXISTENCE_IN_HISTORY}, category TEXT, {_AMENDMENT},
+    PRIMARY KEY (keyframe_id, landmark_id, amendment)) WITHOUT ROWID"""
+_INDEX_OF_HISTORY = "CREATE INDEX history_of_landmark ON landmark_history (landmark_id)"
+
+_EDITS = (
+    f"""
+CREATE TABLE edit (
+    id INTEGER PRIMARY KEY, keyframe_id INTEGER NOT NULL, timestamp_s REAL NOT NULL,
+    kind TEXT NOT NULL, landmark_id INTEGER NOT NULL, other_id INTEGER, outcome TEXT NOT NULL, detail TEXT NOT NULL,
+    agent TEXT NOT NULL, model TEXT NOT NULL, prompt_hash TEXT NOT NULL, view_keyframe_id INTEGER NOT NULL, view_s REAL NOT NULL,
+    landmarks_before TEXT NOT NULL, {_AMENDMENT})""",
+    "CREATE INDEX edit_of_landmark ON edit (landmark_id)",
+    "CREATE INDEX edit_of_keyframe ON edit (keyframe_id)",
+)
 
 _TABLES = f"""
 BEGIN;
@@ -44,17 +64,17 @@ CREATE TABLE observation (
     box_px BLOB NOT NULL, truncated INTEGER NOT NULL, detection_row INTEGER NOT NULL, embedding_id INTEGER,
     PRIMARY KEY (keyframe_id, row)) WITHOUT ROWID;
 CREATE INDEX observation_of_landmark ON observation (landmark_id);
-CREATE TABLE landmark (id INTEGER PRIMARY KEY, {_LANDMARK_COLUMNS.format(" NOT NULL")}, {_EXISTENCE_OF_LANDMARK});
-CREATE TABLE landmark_history (
-    keyframe_id INTEGER NOT NULL, landmark_id INTEGER NOT NULL, change TEXT NOT NULL, {_LANDMARK_COLUMNS.format("")},
-    {_EXISTENCE_IN_HISTORY},
-    PRIMARY KEY (keyframe_id, landmark_id)) WITHOUT ROWID;
-CREATE INDEX history_of_landmark ON landmark_history (landmark_id);
+CREATE TABLE landmark (id INTEGER PRIMARY KEY, {_LANDMARK_COLUMNS.format(" NOT NULL")}, {_EXISTENCE_OF_LANDMARK},
+    {_CATEGORY_OF_LANDMARK});
+{_HISTORY};
+{_INDEX_OF_HISTORY};
 CREATE TABLE event (
     id INTEGER PRIMARY KEY, keyframe_id INTEGER NOT NULL, landmark_id INTEGER NOT NULL,
-    kind TEXT NOT NULL, detail TEXT NOT NULL, source TEXT NOT NULL, other_id INTEGER);
+    kind TEXT NOT NULL, detail TEXT NOT NULL, source TEXT NOT NULL, other_id INTEGER,
+    {_AMENDMENT});
 CREATE INDEX event_of_landmark ON event (landmark_id);
 CREATE INDEX event_of_keyframe ON event (keyframe_id);
+{";".join(_EDITS)};
 CREATE VIRTUAL TABLE landmark_box USING rtree (id, min_x, max_x, min_y, max_y, min_z, max_z);
 INSERT INTO meta VALUES ('schema', '{SCHEMA_NAME}');
 PRAGMA application_id = {APPLICATION_ID};
@@ -66,9 +86,22 @@ _FROM_1_TO_2 = (
     f"ALTER TABLE landmark ADD COLUMN {_EXISTENCE_OF_LANDMARK}",
     f"ALTER TABLE landmark_history ADD COLUMN {_EXISTENCE_IN_HISTORY}",
     "UPDATE landmark_history SET existence = 1.0 WHERE change = 'set'",
-    f"UPDATE meta SET value = '{SCHEMA_NAME}' WHERE key = 'schema'",
-    f"PRAGMA user_version = {USER_VERSION}",
 )
+
+_FROM_2_TO_3 = (
+    f"ALTER TABLE landmark ADD COLUMN {_CATEGORY_OF_LANDMARK}",
+    # Made anew, since SQLite changes no primary key: more than one change of a landmark may follow one keyframe now.
+    "ALTER TABLE landmark_history RENAME TO old_history",
+    _HISTORY,
+    "INSERT INTO landmark_history SELECT *, CASE change WHEN 'set' THEN '' END, 0 FROM old_history",
+    "DROP TABLE old_history",
+    _INDEX_OF_HISTORY,
+    f"ALTER TABLE event ADD COLUMN {_AMENDMENT}",
+    *_EDITS,
+)
+
+_MIGRATIONS = {1: _FROM_1_TO_2, 2: _FROM_2_TO_3}
+"""From each version to the next; ``_migrate`` then writes the version."""
 
 # Failures of the machine, not of the file: another process writes, the disk is full, no permission.
 _MACHINE_ERRORS = ("BUSY", "LOCKED", "FULL", "IOERR", "READONLY", "CANTOPEN", "PERM", "NOMEM", "INTERRUPT")
@@ -145,9 +178,11 @@ def _migrate(connection: sqlite3.Connection) -> None:
         return
     connection.execute("BEGIN IMMEDIATE")
     try:
-        if version_of(connection) < USER_VERSION:  # asked again: another process may have just done it
-            for statement in _FROM_1_TO_2:
+        for version in range(version_of(connection), USER_VERSION):  # asked again: another process may have just done it
+            for statement in _MIGRATIONS[version]:
                 connection.execute(statement)
+        connection.execute("UPDATE meta SET value = ? WHERE key = 'schema'", (SCHEMA_NAME,))
+        connection.execute(f"PRAGMA user_version = {USER_VERSION}")
         connection.execute("COMMIT")
     except BaseException:
         if connection.in_transaction:

@@ -51,13 +51,13 @@ class SqliteStore:
         self._vector_ids: dict[bytes, int] = {}
         self._db = schema.open_for_reading(self._path) if read_only else schema.open_for_writing(self._path, durability)
         try:
-            with schema.clear_errors(self._path):
-                last_id, last_session = self._db.execute("SELECT max(id), max(session) FROM keyframe").fetchone()
+            with self._reading() as db:
+                last_id, last_session = db.execute("SELECT max(id), max(session) FROM keyframe").fetchone()
+                self._last_id = None if last_id is None else int(last_id)
+                self._session = 0 if last_session is None else int(last_session) + 1
         except MapError:
             self._db.close()
             raise
-        self._last_id: int | None = last_id
-        self._session = 0 if last_session is None else last_session + 1
 
     @property
     def path(self) -> Path:
@@ -87,9 +87,9 @@ class SqliteStore:
         removed = [(int(landmark_id),) for landmark_id in record.removed_ids]
         columns = rows.LANDMARK_COLUMNS
         db = self._db
-        db.executemany(f"INSERT OR REPLACE INTO landmark (id, {columns}) VALUES ({_marks(15)})", values)
+        db.executemany(f"INSERT OR REPLACE INTO landmark (id, {columns}) VALUES ({_marks(16)})", values)
         db.executemany(
-            f"INSERT INTO landmark_history (keyframe_id, change, landmark_id, {columns}) VALUES ({_marks(17)})",
+            f"INSERT INTO landmark_history (keyframe_id, change, landmark_id, {columns}) VALUES ({_marks(18)})",
             [(record.keyframe_id, "set", *row) for row in values],
         )
         db.executemany("INSERT OR REPLACE INTO landmark_box VALUES (?1, ?2, ?2, ?3, ?3, ?4, ?4)", [(row[0], *row[4:7]) for row in values])

@@ -41,7 +41,8 @@ class FalsePositives:
             allowed: (M,) which objects it may match. All of them have a landmark, or the assignment would have given it one.
         """
         nearest = int(np.argmin(distance_m))
-        kind, of, label = "false", None, self._class_of(words)
+        category = (landmark.category,) if landmark.category else ()
+        kind, of, label = "false", None, self._class_of(category) or self._class_of(words)
         doubled = int(np.argmin(np.where(allowed, distance_m, np.inf))) if allowed.any() else None
         ghost = self._left_place(landmark, words)
         # Like things stand close together, so that both may be possible: then the nearer place decides.

@@ -42,8 +42,8 @@ def evaluate_landmarks(
     """Score a map, protocol ``landmarks/1``.
 
     Args:
-        landmarks: of the map, in the true world; only those with the state "stable" count. A landmark with an attribute
-            ``category`` is known by it, too.
+        landmarks: of the map, in the true world; only those with the state "stable" count. A landmark's ``category`` names it
+            as well as its ``label`` does.
         truth: what is there at the end.
         rule: when labels agree; ``exact`` by default.
         radius_m: a pair may match up to this distance, or up to half the object's smaller horizontal extent if that is more.
@@ -135,7 +135,7 @@ def assign(distance_m: FloatArray, allowed: BoolArray) -> list[tuple[int, int]]:
 
 
 def _words(landmark: Landmark) -> tuple[str, ...]:
-    return tuple(word for word in (landmark.label, getattr(landmark, "category", None)) if word)
+    return tuple(word for word in (landmark.label, landmark.category) if word)
 
 
 def _matches(distance_m: FloatArray, agree: BoolArray, truth: Truth, radius_m: float) -> tuple[BoolArray, list[tuple[int, int]]]:

@@ -12,7 +12,7 @@ def class_table(
     """Count by class, in alphabetical order; landmarks that name no class of the truth come last, in a row labelled None.
 
     A match counts under its object's class whatever the landmark is called; so do duplicates and ghosts. A false landmark counts under
-    the class that its label names. A class may have no objects left: all of them were removed.
+    the class that its category names, or else its label. A class may have no objects left: all of them were removed.
     """
     found = Counter(pair.object_label for pair in matched)
     lost = Counter(item.object_label for item in missing)

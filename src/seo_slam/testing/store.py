@@ -100,7 +100,7 @@ def make_record(
 
 def require_same_landmark(got: Landmark, wanted: Landmark, embedding_tolerance: float = 1e-6) -> None:
     """Raise ``AssertionError`` unless two landmarks are equal; embeddings may be rounded to single precision."""
-    for name in ("id", "label", "observations", "first_seen_s", "last_seen_s", "state", "version", "existence"):
+    for name in ("id", "label", "observations", "first_seen_s", "last_seen_s", "state", "version", "existence", "category"):
         one, other = getattr(got, name), getattr(wanted, name)
         _require(one == other, f"landmark {wanted.id}: {name} is {one!r}, wanted {other!r}")
     _require(dict(got.labels) == dict(wanted.labels), f"landmark {wanted.id}: labels are {got.labels}, wanted {wanted.labels}")
