@@ -90,7 +90,7 @@ class _Rows:
         for f in fields(self):  # type: ignore[arg-type]  # every subclass is a dataclass
             value = getattr(self, f.name)
             if isinstance(value, tuple):
-                changes[f.name] = tuple(value[i] for i in index)
+                changes[f.name] = tuple(value[i] for i in index) if value else ()
             elif isinstance(value, np.ndarray):
                 changes[f.name] = value[index]
         return replace(self, **changes)  # type: ignore[type-var]  # as above
@@ -248,7 +248,8 @@ class Landmarks(_Rows):
     """Many landmarks as a struct of arrays; the attributes are those of ``Landmark``, one row each.
 
     Positions and covariances are in the world frame, metres. ``across_m`` (N, 2) is the usual width and height across the line of
-    sight of views that show the thing whole, 0 where there was none.
+    sight of views that show the thing whole, 0 where there was none. ``names`` and ``categories`` are ``Landmark``'s ``label`` and
+    ``category``; empty where no agent gave any, see ``name_of``.
     """
 
     ids: IntArray
@@ -263,9 +264,19 @@ class Landmarks(_Rows):
     states: tuple[LandmarkState, ...]
     versions: IntArray
     across_m: FloatArray
+    names: tuple[str, ...] = ()
+    categories: tuple[str, ...] = ()
 
     def __len__(self) -> int:
         return len(self.labels)
+
+    def name_of(self, row: int) -> str:
+        """What a landmark is called: the label that an agent gave, else the heaviest word; "" if nothing has named it."""
+        return (self.names[row] if self.names else "") or heaviest(self.labels[row])
+
+    def category_of(self, row: int) -> str:
+        """The plain word that an agent gave beside a descriptive label, else ""."""
+        return self.categories[row] if self.categories else ""
 
     @classmethod
     def from_rows(cls, rows: "list[Landmark]", embedding_size: int = 0) -> Self:
@@ -285,6 +296,8 @@ class Landmarks(_Rows):
             states=tuple(r.state for r in rows),
             versions=np.array([r.version for r in rows], dtype=np.int64),
             across_m=np.zeros((n, 2)),
+            names=tuple(r.label for r in rows),
+            categories=tuple(r.category for r in rows),
         )
 
 
