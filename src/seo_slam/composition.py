@@ -16,7 +16,20 @@ _METHODS = {
     "associator": ("associate",),
     "smoother": ("start", "predict", "update", "remove", "merge", "positions", "covariances", "poses"),
     "embedder": ("embed_text", "name", "size"),
-    "store": ("commit", "keyframe", "keyframe_ids", "set_meta", "meta", "landmarks", "near", "next_id", "history", "close"),
+    "store": (
+        "commit",
+        "keyframe",
+        "amend",
+        "edits",
+        "keyframe_ids",
+        "set_meta",
+        "meta",
+        "landmarks",
+        "near",
+        "next_id",
+        "history",
+        "close",
+    ),
     "agent": ("propose",),
 }
 

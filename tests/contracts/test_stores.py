@@ -59,7 +59,40 @@ class NeverCloses(MemoryStore):
         pass
 
 
-@pytest.mark.parametrize("broken", [KeepsRemoved, TakesIdsTwice, FarthestFirst, WritesBeforeItChecks, LosesHistory, ReusesIds, NeverCloses])
+class ForgetsEditsOfKeyframes(MemoryStore):
+    def edits(self):
+        return tuple(edit for edit in super().edits() if edit.outcome == "applied")
+
+
+class ForgetsHowItWas(MemoryStore):
+    def edits(self):
+        return tuple(replace(edit, before=()) for edit in super().edits())
+
+
+class AmendsAnyKeyframe(MemoryStore):
+    def amend(self, amendment):
+        super().amend(replace(amendment, keyframe_id=self._last_id))
+
+
+class AmendsTheKeyframeItself(MemoryStore):
+    def amend(self, amendment):
+        super().amend(amendment)
+        kept = self._keyframes[amendment.keyframe_id]
+        self._keyframes[amendment.keyframe_id] = replace(kept, events=(*kept.events, *amendment.events))
+
+
+class CountsIdsOfEdits(MemoryStore):
+    def next_id(self):
+        return max(super().next_id(), *(edit.landmark_id + 1 for edit in self._edits), 0)
+
+
+@pytest.mark.parametrize(
+    "broken",
+    [
+        KeepsRemoved, TakesIdsTwice, FarthestFirst, WritesBeforeItChecks, LosesHistory, ReusesIds, NeverCloses,
+        ForgetsEditsOfKeyframes, ForgetsHowItWas, AmendsAnyKeyframe, AmendsTheKeyframeItself, CountsIdsOfEdits,
+    ],
+)  # fmt: skip
 def test_contract_catches(broken):
     with pytest.raises(AssertionError):
         check_store(broken)

@@ -1,5 +1,6 @@
 """A store that forgets when the process ends."""
 
+from collections.abc import Iterable
 from dataclasses import replace
 from types import TracebackType
 from typing import Self
@@ -7,11 +8,11 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from seo_slam.backends.store_checks import require_next, without_clouds
+from seo_slam.backends.store_checks import require_amendment, require_next, without_clouds
 from seo_slam.errors import MapError
 from seo_slam.geometry import FloatArray
 from seo_slam.mapping.nearby import rows_within
-from seo_slam.records import KeyframeRecord
+from seo_slam.records import Amendment, EditRecord, KeyframeRecord
 from seo_slam.types import IntArray, Landmark, Observations
 
 
@@ -22,6 +23,7 @@ class MemoryStore:
         self._keyframes: dict[int, KeyframeRecord] = {}
         self._landmarks: dict[int, Landmark] = {}
         self._history: dict[int, list[tuple[int, str, str, str]]] = {}
+        self._edits: list[EditRecord] = []
         self._meta: dict[str, str] = {}
         self._last_id: int | None = None
         self._next_landmark_id = 0
@@ -37,15 +39,35 @@ class MemoryStore:
         require_next(record, self._last_id)
         self._keyframes[record.keyframe_id] = replace(record, observations=without_clouds(record.observations))
         self._last_id = record.keyframe_id
-        self._landmarks.update({landmark.id: landmark for landmark in record.landmarks})
-        for landmark_id in record.removed_ids:
+        self._use_ids(record.landmark_ids.tolist())
+        self._change(record)
+
+    def amend(self, amendment: Amendment) -> None:
+        """Keep a change of the map that no keyframe made, wholly or not at all.
+
+        Raises:
+            MapError: its keyframe is not the newest, a value could not be kept, or the store is closed.
+        """
+        self._require_open()
+        require_amendment(amendment, self._last_id)
+        self._change(amendment)
+
+    def edits(self) -> tuple[EditRecord, ...]:
+        """Everything that agents proposed and what became of it, in the order it was kept; the first is edit number 1."""
+        return tuple(self._edits)
+
+    def _change(self, change: KeyframeRecord | Amendment) -> None:
+        self._landmarks.update({landmark.id: landmark for landmark in change.landmarks})
+        for landmark_id in change.removed_ids:
             self._landmarks.pop(landmark_id, None)
-        for event in record.events:
+        for event in change.events:
             lines = self._history.setdefault(event.landmark_id, [])
-            lines.append((record.keyframe_id, event.kind, event.detail, event.source))
-        used = [*record.landmark_ids.tolist(), *record.removed_ids, *(landmark.id for landmark in record.landmarks)]
-        used += [event.landmark_id for event in record.events]
-        self._next_landmark_id = max(self._next_landmark_id, *(i + 1 for i in used)) if used else self._next_landmark_id
+            lines.append((change.keyframe_id, event.kind, event.detail, event.source))
+        self._edits += change.edits
+        self._use_ids([*change.removed_ids, *(landmark.id for landmark in change.landmarks), *(e.landmark_id for e in change.events)])
+
+    def _use_ids(self, used: Iterable[int]) -> None:
+        self._next_landmark_id = max(self._next_landmark_id, *(i + 1 for i in used), 0)
 
     def keyframe(self, keyframe_id: int) -> KeyframeRecord:
         """Return a keyframe as it was committed, without clouds.

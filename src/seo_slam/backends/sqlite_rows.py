@@ -159,10 +159,17 @@ def keyframe_values(record: KeyframeRecord, session: int) -> Row:
     )
 
 
-def event_values(keyframe_id: int, event: MapEvent) -> Row:
-    """The values of the event table but its own number."""
-    other_id = None if event.other_id is None else int(event.other_id)
-    return (keyframe_id, int(event.landmark_id), event.kind, event.detail, event.source, other_id)
+EVENT_COLUMNS = "kind, landmark_id, detail, source, other_id"
+
+
+def event_values(event: MapEvent) -> Row:
+    """The values of ``EVENT_COLUMNS``."""
+    return (event.kind, int(event.landmark_id), event.detail, event.source, None if event.other_id is None else int(event.other_id))
+
+
+def with_keyframe(user_version: int) -> str:
+    """Which rows of a file of a version belong to a keyframe itself, and not to what was amended after it."""
+    return "keyframe_id = ? AND amendment = 0" if user_version > 2 else "keyframe_id = ?"
 
 
 def read_vectors(connection: sqlite3.Connection, where: str, parameters: Row = ()) -> dict[int, FloatArray]:

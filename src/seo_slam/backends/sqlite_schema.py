@@ -34,15 +34,15 @@ _AMENDMENT = "amendment INTEGER NOT NULL DEFAULT 0"
 
 _HISTORY = f"""
 CREATE TABLE landmark_history (
-    keyframe_id INTEGER NOT NULL, landmark_id INTEGER NOT NULL, change TEXT NOT NULL, {_LANDMARK_COLUMNS.format("")},
-    {_EXISTENCE_IN_HISTORY}, category TEXT, {_AMENDMENT},
+    keyframe_id INTEGER NOT NULL, landmark_id INTEGER NOT NULL, {_AMENDMENT}, change TEXT NOT NULL, {_LANDMARK_COLUMNS.format("")},
+    {_EXISTENCE_IN_HISTORY}, category TEXT,
     PRIMARY KEY (keyframe_id, landmark_id, amendment)) WITHOUT ROWID"""
 _INDEX_OF_HISTORY = "CREATE INDEX history_of_landmark ON landmark_history (landmark_id)"
 
 _EDITS = (
     f"""
 CREATE TABLE edit (
-    id INTEGER PRIMARY KEY, keyframe_id INTEGER NOT NULL, timestamp_s REAL NOT NULL,
+    id INTEGER PRIMARY KEY, keyframe_id INTEGER NOT NULL, judged_keyframe_id INTEGER NOT NULL, timestamp_s REAL NOT NULL,
     kind TEXT NOT NULL, landmark_id INTEGER NOT NULL, other_id INTEGER, outcome TEXT NOT NULL, detail TEXT NOT NULL,
     agent TEXT NOT NULL, model TEXT NOT NULL, prompt_hash TEXT NOT NULL, view_keyframe_id INTEGER NOT NULL, view_s REAL NOT NULL,
     landmarks_before TEXT NOT NULL, {_AMENDMENT})""",
@@ -88,12 +88,17 @@ _FROM_1_TO_2 = (
     "UPDATE landmark_history SET existence = 1.0 WHERE change = 'set'",
 )
 
+_OLD_COLUMNS = (
+    "change, state, label, labels, x_m, y_m, z_m, covariance_m2, size_m, embedding_id, observations, first_seen_s, last_seen_s, version, "
+    "existence"
+)
+
 _FROM_2_TO_3 = (
     f"ALTER TABLE landmark ADD COLUMN {_CATEGORY_OF_LANDMARK}",
     # Made anew, since SQLite changes no primary key: more than one change of a landmark may follow one keyframe now.
     "ALTER TABLE landmark_history RENAME TO old_history",
     _HISTORY,
-    "INSERT INTO landmark_history SELECT *, CASE change WHEN 'set' THEN '' END, 0 FROM old_history",
+    f"INSERT INTO landmark_history SELECT keyframe_id, landmark_id, 0, {_OLD_COLUMNS}, CASE change WHEN 'set' THEN '' END FROM old_history",
     "DROP TABLE old_history",
     _INDEX_OF_HISTORY,
     f"ALTER TABLE event ADD COLUMN {_AMENDMENT}",

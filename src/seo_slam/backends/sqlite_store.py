@@ -11,13 +11,14 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike
 
+from seo_slam.backends import sqlite_edits as edit_rows
 from seo_slam.backends import sqlite_rows as rows
 from seo_slam.backends import sqlite_schema as schema
-from seo_slam.backends.store_checks import require_next
+from seo_slam.backends.store_checks import require_amendment, require_next
 from seo_slam.errors import ConfigError, MapError, MapFormatError
 from seo_slam.geometry import FloatArray
 from seo_slam.mapping.nearby import require_point, rows_within
-from seo_slam.records import KeyframeRecord, MapEvent
+from seo_slam.records import Amendment, EditRecord, KeyframeRecord, MapEvent
 from seo_slam.types import IntArray, Landmark, Observations
 
 _CACHED_VECTORS = 4096
@@ -75,29 +76,62 @@ class SqliteStore:
             db.execute(f"INSERT INTO keyframe VALUES ({_marks(9)})", rows.keyframe_values(record, self._session))
             observations = rows.observation_rows(record, self._embedding_id)
             db.executemany(f"INSERT INTO observation ({rows.OBSERVATION_COLUMNS}) VALUES ({_marks(12)})", observations)
-            self._write_landmarks(record)
-            db.executemany(
-                "INSERT INTO event (keyframe_id, landmark_id, kind, detail, source, other_id) VALUES (?, ?, ?, ?, ?, ?)",
-                [rows.event_values(record.keyframe_id, event) for event in record.events],
-            )
+            self._write_change(record, 0)
         self._last_id = record.keyframe_id
 
-    def _write_landmarks(self, record: KeyframeRecord) -> None:
+    def amend(self, amendment: Amendment) -> None:
+        """Keep a change of the map that no keyframe made, wholly or not at all.
+
+        Raises:
+            MapError: its keyframe is not the newest, a value could not be kept, the disk is full, or the store is closed or read-only.
+        """
+        with self._writing() as db:
+            newest = db.execute("SELECT max(id) FROM keyframe").fetchone()[0]  # asked again: another process may have gone on
+            require_amendment(amendment, newest)
+            tables = ("landmark_history", "event", "edit")
+            last = [db.execute(f"SELECT max(amendment) FROM {name} WHERE keyframe_id = ?", (newest,)).fetchone()[0] for name in tables]
+            self._write_change(amendment, 1 + max(number or 0 for number in last))
+
+    def edits(self) -> tuple[EditRecord, ...]:
+        """Everything that agents proposed and what became of it, in the order it was kept; the first is edit number 1."""
+        with self._reading() as db:
+            return self._edits("ORDER BY id", ()) if schema.version_of(db) > 2 else ()
+
+    def _edits(self, which: str, parameters: rows.Row) -> tuple[EditRecord, ...]:
+        found = self._db.execute(f"SELECT {edit_rows.EDIT_COLUMNS} FROM edit {which}", parameters).fetchall()
+        vectors = {}
+        for number in sorted(edit_rows.embedding_ids(found)):
+            vectors |= rows.read_vectors(self._db, "WHERE id = ?", (number,))
+        return tuple(edit_rows.edit_from(row, vectors) for row in found)
+
+    def _write_change(self, change: KeyframeRecord | Amendment, amendment: int) -> None:
+        self._write_landmarks(change, amendment)
+        place = (change.keyframe_id, amendment)
+        self._db.executemany(
+            f"INSERT INTO event (keyframe_id, amendment, {rows.EVENT_COLUMNS}) VALUES ({_marks(7)})",
+            [(*place, *rows.event_values(event)) for event in change.events],
+        )
+        self._db.executemany(
+            f"INSERT INTO edit (keyframe_id, amendment, {edit_rows.EDIT_COLUMNS}) VALUES ({_marks(15)})",
+            [(*place, *edit_rows.edit_values(edit, self._embedding_id)) for edit in change.edits],
+        )
+
+    def _write_landmarks(self, record: KeyframeRecord | Amendment, amendment: int) -> None:
         values = [(int(landmark.id), *rows.landmark_values(landmark, self._embedding_id)) for landmark in record.landmarks]
         removed = [(int(landmark_id),) for landmark_id in record.removed_ids]
         columns = rows.LANDMARK_COLUMNS
         db = self._db
         db.executemany(f"INSERT OR REPLACE INTO landmark (id, {columns}) VALUES ({_marks(16)})", values)
         db.executemany(
-            f"INSERT INTO landmark_history (keyframe_id, change, landmark_id, {columns}) VALUES ({_marks(18)})",
-            [(record.keyframe_id, "set", *row) for row in values],
+            f"INSERT INTO landmark_history (keyframe_id, amendment, change, landmark_id, {columns}) VALUES ({_marks(19)})",
+            [(record.keyframe_id, amendment, "set", *row) for row in values],
         )
         db.executemany("INSERT OR REPLACE INTO landmark_box VALUES (?1, ?2, ?2, ?3, ?3, ?4, ?4)", [(row[0], *row[4:7]) for row in values])
         db.executemany("DELETE FROM landmark WHERE id = ?", removed)
         db.executemany("DELETE FROM landmark_box WHERE id = ?", removed)
         db.executemany(
-            "INSERT INTO landmark_history (keyframe_id, change, landmark_id) VALUES (?, 'removed', ?)",
-            [(record.keyframe_id, *row) for row in removed],
+            "INSERT INTO landmark_history (keyframe_id, amendment, change, landmark_id) VALUES (?, ?, 'removed', ?)",
+            [(record.keyframe_id, amendment, *row) for row in removed],
         )
 
     def set_meta(self, key: str, value: str) -> None:
@@ -132,17 +166,15 @@ class SqliteStore:
             row = db.execute("SELECT * FROM keyframe WHERE id = ?", (number,)).fetchone()
             if row is None:
                 raise MapError(f"{self._path}: no keyframe {keyframe_id}; {len(self.keyframe_ids())} are kept")
-            columns = rows.readable_landmark_columns(schema.version_of(db))
+            version = schema.version_of(db)
+            own, columns = rows.with_keyframe(version), rows.readable_landmark_columns(version)
             changes = db.execute(
-                f"SELECT landmark_id, {columns} FROM landmark_history WHERE keyframe_id = ? AND change = 'set'",
-                (number,),
+                f"SELECT landmark_id, {columns} FROM landmark_history WHERE {own} AND change = 'set' ORDER BY landmark_id", (number,)
             ).fetchall()
             removed = db.execute(
-                "SELECT landmark_id FROM landmark_history WHERE keyframe_id = ? AND change = 'removed'", (number,)
+                f"SELECT landmark_id FROM landmark_history WHERE {own} AND change = 'removed' ORDER BY landmark_id", (number,)
             ).fetchall()
-            events = db.execute(
-                "SELECT kind, landmark_id, detail, source, other_id FROM event WHERE keyframe_id = ? ORDER BY id", (number,)
-            ).fetchall()
+            events = db.execute(f"SELECT {rows.EVENT_COLUMNS} FROM event WHERE {own} ORDER BY id", (number,)).fetchall()
             history = "WHERE id IN (SELECT embedding_id FROM landmark_history WHERE keyframe_id = ?)"
             vectors = rows.read_vectors(db, history, (number,))
             _, landmark_ids, observations = self._observations("keyframe_id = ?", number, row[8])
@@ -158,6 +190,7 @@ class SqliteStore:
                 landmarks=tuple(rows.landmark_from(change, vectors) for change in changes),
                 removed_ids=tuple(landmark_id for (landmark_id,) in removed),
                 events=tuple(MapEvent(*event) for event in events),
+                edits=self._edits(f"WHERE {own} ORDER BY id", (number,)) if version > 2 else (),
             )
 
     def poses(self) -> tuple[FloatArray, FloatArray]:
@@ -226,6 +259,15 @@ class SqliteStore:
         with self._reading() as db:
             found = db.execute("SELECT keyframe_id, kind, detail, source FROM event WHERE landmark_id = ? ORDER BY id", (int(landmark_id),))
             return tuple(found.fetchall())
+
+    def events_of(self, landmark_id: int) -> tuple[tuple[int, MapEvent], ...]:
+        """Keyframe id and event, oldest first, of every event that names a landmark, also as the other one."""
+        number = int(landmark_id)
+        with self._reading() as db:
+            found = db.execute(
+                f"SELECT keyframe_id, {rows.EVENT_COLUMNS} FROM event WHERE landmark_id = ? OR other_id = ? ORDER BY id", (number, number)
+            ).fetchall()
+        return tuple((row[0], MapEvent(*row[1:])) for row in found)
 
     def next_id(self) -> int:
         """The lowest landmark id that was never used."""

@@ -1,12 +1,15 @@
-"""What every store checks before it takes a keyframe, so that a bad one is refused whole."""
+"""What every store checks before it takes a keyframe or an amendment, so that a bad one is refused whole."""
 
 from dataclasses import replace
+from typing import get_args
 
 import numpy as np
 
 from seo_slam.errors import MapError
-from seo_slam.records import KeyframeRecord
+from seo_slam.records import Amendment, EditOutcome, EditRecord, KeyframeRecord
 from seo_slam.types import Landmark, Observations
+
+LARGEST_NUMBER = 2**63 - 1
 
 
 def require_next(record: KeyframeRecord, last_id: int | None) -> None:
@@ -31,11 +34,43 @@ def require_next(record: KeyframeRecord, last_id: int | None) -> None:
             raise MapError(f"{where}: {name} has shape {array.shape} or is not finite, wanted finite {shape}")
     if not np.isfinite(record.timestamp_s):
         raise MapError(f"{where}: timestamp_s is {record.timestamp_s}")
-    ids = [landmark.id for landmark in record.landmarks]
-    if len(set(ids)) != len(ids) or set(ids) & set(record.removed_ids):
-        raise MapError(f"{where}: a landmark is given twice, or both changed and removed: {ids}, removed {record.removed_ids}")
-    for landmark in record.landmarks:
+    _require_change(record, where)
+
+
+def require_amendment(amendment: Amendment, last_id: int | None) -> None:
+    """Check that an amendment is one of the newest keyframe, ``last_id``, and holds no value that could not be read back.
+
+    Raises:
+        MapError: another keyframe, or as for ``require_next``.
+    """
+    if last_id is None or amendment.keyframe_id != last_id:
+        raise MapError(
+            f"amend: got keyframe {amendment.keyframe_id}, wanted the newest, {'but there is none' if last_id is None else last_id}"
+        )
+    _require_change(amendment, f"amendment of keyframe {last_id}")
+
+
+def _require_change(change: KeyframeRecord | Amendment, where: str) -> None:
+    ids = [landmark.id for landmark in change.landmarks]
+    if len(set(ids)) != len(ids) or len(set(change.removed_ids)) != len(change.removed_ids) or set(ids) & set(change.removed_ids):
+        raise MapError(f"{where}: a landmark is given twice, or both changed and removed: {ids}, removed {change.removed_ids}")
+    for landmark in change.landmarks:
         _require_landmark(landmark, where)
+    for edit in change.edits:
+        _require_edit(edit, where)
+
+
+def _require_edit(edit: EditRecord, where: str) -> None:
+    named = f"{where}: {edit.kind} of landmark {edit.landmark_id}"
+    if not np.isfinite([edit.timestamp_s, edit.view_s]).all():
+        raise MapError(f"{named}: stamps are {edit.timestamp_s} and {edit.view_s}, wanted finite seconds")
+    if edit.outcome not in get_args(EditOutcome):
+        raise MapError(f"{named}: got outcome {edit.outcome!r}, wanted one of {', '.join(get_args(EditOutcome))}")
+    numbers = (edit.landmark_id, edit.other_id or 0, edit.view_keyframe_id, edit.keyframe_id)
+    if any(abs(number) > LARGEST_NUMBER for number in numbers):
+        raise MapError(f"{named}: a number of {numbers} has more than 64 bits")
+    for landmark in edit.before:
+        _require_landmark(landmark, named)
 
 
 def _require_landmark(landmark: Landmark, where: str) -> None:

@@ -1,13 +1,14 @@
 """Contract of a ``MapStore``."""
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import fields, replace
+from functools import partial
 
 import numpy as np
 
 from seo_slam.errors import MapError
 from seo_slam.interfaces import MapStore
-from seo_slam.records import KeyframeRecord, MapEvent
+from seo_slam.records import Amendment, EditOutcome, EditRecord, KeyframeRecord, MapEvent
 from seo_slam.types import Landmark, LandmarkState, Observations
 
 _EMBEDDING_SIZE = 8
@@ -22,7 +23,10 @@ def check_store(make_store: Callable[[], MapStore]) -> None:
     Raises:
         AssertionError: says what the store did and what was wanted.
     """
-    for check in (_keeps_keyframes, _follows_landmarks, _finds_near, _keeps_history, _refuses, _keeps_meta, _never_reuses_ids):
+    for check in (
+        _keeps_keyframes, _follows_landmarks, _finds_near, _keeps_history, _refuses, _keeps_meta, _never_reuses_ids,
+        _keeps_edits, _amends, _refuses_amendments,
+    ):  # fmt: skip
         store = make_store()
         _require(isinstance(store, MapStore), f"{type(store).__name__} lacks methods of MapStore")
         _require(len(store.keyframe_ids()) == 0 and store.landmarks() == (), "a new store is not empty")
@@ -61,6 +65,7 @@ def make_record(
     landmarks: tuple[Landmark, ...] = (),
     removed_ids: tuple[int, ...] = (),
     events: tuple[MapEvent, ...] = (),
+    edits: tuple[EditRecord, ...] = (),
 ) -> KeyframeRecord:
     """Return a small keyframe for tests of stores: a measurement a landmark id, all numbers made from the keyframe's."""
     n = len(landmark_ids)
@@ -95,6 +100,35 @@ def make_record(
         landmarks=landmarks,
         removed_ids=removed_ids,
         events=events,
+        edits=edits,
+    )
+
+
+def make_edit(
+    kind: str = "relabel",
+    landmark_id: int = 1,
+    other_id: int | None = None,
+    outcome: EditOutcome = "applied",
+    before: tuple[Landmark, ...] = (),
+    keyframe_id: int = 0,
+    detail: str = "cup -> chipped white mug",
+) -> EditRecord:
+    """Return an edit for tests of stores: what an agent "Painter" saw half a second ago."""
+    timestamp_s = 1305031102.675304 + 0.5 * keyframe_id
+    return EditRecord(
+        kind=kind,
+        landmark_id=landmark_id,
+        other_id=other_id,
+        outcome=outcome,
+        detail=detail,
+        agent="Painter",
+        model="brush-2b",
+        prompt_hash="5f2a9c01",
+        view_keyframe_id=keyframe_id,
+        view_s=timestamp_s - 0.5,
+        keyframe_id=keyframe_id,
+        timestamp_s=timestamp_s,
+        before=before,
     )
 
 
@@ -137,6 +171,19 @@ def _require_same_keyframe(got: KeyframeRecord, wanted: KeyframeRecord) -> None:
         require_same_landmark(one, other)
     _require(got.removed_ids == wanted.removed_ids, f"{where}: removed_ids is {got.removed_ids}, wanted {wanted.removed_ids}")
     _require(got.events == wanted.events, f"{where}: events are {got.events}, wanted {wanted.events}")
+    _require_same_edits(got.edits, wanted.edits, where)
+
+
+def _require_same_edits(got: tuple[EditRecord, ...], wanted: tuple[EditRecord, ...], where: str) -> None:
+    _require(len(got) == len(wanted), f"{where}: got {len(got)} edits, wanted {len(wanted)}")
+    for number, (one, other) in enumerate(zip(got, wanted, strict=True), start=1):
+        for field in fields(EditRecord):
+            if field.name != "before":
+                a, b = getattr(one, field.name), getattr(other, field.name)
+                _require(a == b, f"{where}: edit {number}: {field.name} is {a!r}, wanted {b!r}")
+        _require(len(one.before) == len(other.before), f"{where}: edit {number} lost a landmark as it was before")
+        for a_row, b_row in zip(one.before, other.before, strict=True):
+            require_same_landmark(a_row, b_row)
 
 
 def _follows_landmarks(store: MapStore) -> None:
@@ -196,6 +243,61 @@ def _never_reuses_ids(store: MapStore) -> None:
     store.commit(make_record(0, landmarks=(make_landmark(2), make_landmark(6))))
     store.commit(make_record(1, removed_ids=(6,)))
     _require(store.next_id() == 7, f"next_id is {store.next_id()} after landmark 6 was kept and removed, wanted 7")
+
+
+def _keeps_edits(store: MapStore) -> None:
+    was = make_landmark(1, (0.1, -0.2, 1 / 3))
+    named = replace(was, label="chipped white mug", category="cup", version=2)
+    merge = make_edit("merge", 3, 1, before=(make_landmark(3), named))
+    edits = (make_edit(before=(was,)), make_edit("remove", 9, outcome="refused", detail="no such landmark"), merge)
+    later = (make_edit("confirm", 1, outcome="noted", keyframe_id=0),)  # judged before the keyframe that it is kept with
+    first = make_record(0, (1,), (named,), edits=edits)
+    store.commit(first)
+    store.commit(make_record(1, edits=later))
+    _require_same_keyframe(store.keyframe(0), first)
+    _require_same_edits(store.keyframe(1).edits, later, "keyframe 1")
+    _require_same_edits(store.edits(), (*edits, *later), "edits")
+    _require(store.next_id() == 2, f"next_id is {store.next_id()} after an edit of a landmark 9 that never was, wanted 2")
+
+
+def _amends(store: MapStore) -> None:
+    first = make_record(0, (1, 2), (make_landmark(1), make_landmark(2)), events=(MapEvent("created", 1),))
+    store.commit(first)
+    named = replace(make_landmark(1, (0.0, 2.0, 0.0), version=2), label="chipped white mug", category="cup")
+    edit = make_edit(before=(make_landmark(1),))
+    event = MapEvent("relabelled", 1, "cup -> chipped white mug", "Painter")
+    store.amend(Amendment(0, (named,), (2,), (event,), (edit,)))
+    store.amend(Amendment(0, (replace(named, version=3), make_landmark(2, (0.0, 0.0, 3.0), version=4)), (), (MapEvent("undone", 2),)))
+    _require_same_keyframe(store.keyframe(0), first)  # as it was committed
+    _require([row.id for row in store.landmarks()] == [1, 2], "a landmark that an amendment brought back is not there")
+    require_same_landmark(store.landmarks()[0], replace(named, version=3))
+    _require(store.near(np.array([0.0, 0.0, 3.0]), 0.1) == (2,), "near does not find a landmark where an amendment put it")
+    _require_same_edits(store.edits(), (edit,), "edits")
+    kinds = [line[1] for line in store.history(1)]
+    _require(kinds == ["created", "relabelled"], f"history of 1 is {kinds}, wanted created, relabelled")
+    store.commit(make_record(1, (1,), (replace(named, version=5),)))
+    store.amend(Amendment(1, (), (1,), ()))
+    _require([row.id for row in store.landmarks()] == [2], "an amendment did not remove a landmark")
+
+
+def _refuses_amendments(store: MapStore) -> None:
+    _require_raises(lambda: store.amend(Amendment(0, (), (), ())), "an amendment of a store without keyframes")
+    store.commit(make_record(3, landmarks=(make_landmark(1),)))
+    store.commit(make_record(4))
+    broken = make_landmark(2, (0.0, float("nan"), 0.0))
+    timeless = replace(make_edit(), view_s=float("nan"))
+    for what, amendment in (
+        ("an amendment of a keyframe that is not the newest", Amendment(3, (make_landmark(5),), (), ())),
+        ("an amendment of a keyframe to come", Amendment(5, (make_landmark(5),), (), ())),
+        ("an amendment with a landmark with NaN", Amendment(4, (make_landmark(5), broken), (1,), (), (make_edit(),))),
+        ("an edit with a stamp of NaN", Amendment(4, (make_landmark(5),), (), (), (timeless,))),
+        ("an edit that was before NaN", Amendment(4, (make_landmark(5),), (), (), (make_edit(before=(broken,)),))),
+    ):
+        _require_raises(partial(store.amend, amendment), what)
+    left = ([row.id for row in store.landmarks()], len(store.edits()))
+    _require(left == ([1], 0), f"refused amendments left {left}, wanted ([1], 0): wholly or not at all")
+    store.close()
+    _require_raises(lambda: store.amend(Amendment(4, (), (), ())), "an amendment after close")
 
 
 def _require(holds: bool, message: str) -> None:
