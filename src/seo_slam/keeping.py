@@ -1,20 +1,26 @@
 """What of a keyframe goes into the store."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from seo_slam.composition import Parts
 from seo_slam.geometry import FloatArray
 from seo_slam.mapping.object_map import ObjectMap
-from seo_slam.records import KeyframeRecord, MapEvent
-from seo_slam.types import Estimate, IntArray, Motion, Observations
+from seo_slam.records import Amendment, EditRecord, KeyframeRecord, MapEvent
+from seo_slam.types import Estimate, IntArray, Landmark, Motion, Observations
 
 KEPT_WITHIN_M = 0.01
 """The store keeps every landmark within this of where the map has it."""
 
 COVARIANCE_EVERY = 10
 """A landmark's covariance in the store is at most this many keyframes old; it is dear, and observations only shrink it."""
+
+LONGEST_TEXT = 2000
+"""Longer texts in an edit are cut: an agent may say anything, and none of it shall keep a keyframe from being kept."""
+
+_LARGEST_ID = 2**63 - 1
 
 
 class Keeper:
@@ -40,6 +46,7 @@ class Keeper:
         observations: Observations,
         landmark_ids: IntArray,
         events: Sequence[MapEvent],
+        edits: Sequence[EditRecord] = (),
     ) -> None:
         """Commit a keyframe.
 
@@ -51,17 +58,12 @@ class Keeper:
             observations: K rows, the measurements used.
             landmark_ids: (K,) the landmark of each.
             events: what happened to the map.
+            edits: what agents proposed, and what became of it.
 
         Raises:
             MapError: the store could not; what it lacks then goes with the next keyframe.
         """
-        touched = {int(i) for i in landmark_ids} | {event.landmark_id for event in events}
-        touched |= {event.other_id for event in events if event.other_id is not None}
-        ids, p_world = self._parts.smoother.positions()
-        present = set(ids.tolist())
-        gone = (touched | self._kept_at.keys()) - present
-        rows = np.array([n for n, i in enumerate(ids) if int(i) in touched or self._is_elsewhere(int(i), p_world[n])], dtype=np.int64)
-        changed = self._objects.rows_with(ids[rows], p_world[rows], self._covariances(ids[rows], keyframe_id))
+        changed, gone = self._changes({int(i) for i in landmark_ids} | _ids_in(events), keyframe_id)
         self._parts.store.commit(
             KeyframeRecord(
                 keyframe_id=keyframe_id,
@@ -75,8 +77,35 @@ class Keeper:
                 landmarks=tuple(changed),
                 removed_ids=tuple(sorted(gone)),
                 events=tuple(events),
+                edits=tuple(_storable(edit) for edit in edits),
             )
         )
+        self._have_kept(changed, gone)
+
+    def amend(self, keyframe_id: int, events: Sequence[MapEvent], edits: Sequence[EditRecord]) -> None:
+        """Commit what agents changed since the newest keyframe.
+
+        Args:
+            keyframe_id: the newest keyframe.
+            events: what happened to the map since.
+            edits: what agents proposed, and what became of it.
+
+        Raises:
+            MapError: the store could not.
+        """
+        changed, gone = self._changes(_ids_in(events), keyframe_id)
+        kept = tuple(_storable(edit) for edit in edits)
+        self._parts.store.amend(Amendment(keyframe_id, tuple(changed), tuple(sorted(gone)), tuple(events), kept))
+        self._have_kept(changed, gone)
+
+    def _changes(self, touched: set[int], keyframe_id: int) -> tuple[list[Landmark], set[int]]:
+        """Landmarks that the store has otherwise, or not yet, and ids that it has and the map does not (any more)."""
+        ids, p_world = self._parts.smoother.positions()
+        gone = (touched | self._kept_at.keys()) - set(ids.tolist())
+        rows = np.array([n for n, i in enumerate(ids) if int(i) in touched or self._is_elsewhere(int(i), p_world[n])], dtype=np.int64)
+        return self._objects.rows_with(ids[rows], p_world[rows], self._covariances(ids[rows], keyframe_id)), gone
+
+    def _have_kept(self, changed: Sequence[Landmark], gone: set[int]) -> None:
         self._kept_at.update({row.id: row.position_m for row in changed})
         for landmark_id in gone:
             self._kept_at.pop(landmark_id, None)
@@ -96,3 +125,30 @@ class Keeper:
         """Whether the store has it elsewhere, or not at all: optimisation moves what is not in view, too."""
         kept_at = self._kept_at.get(landmark_id)
         return kept_at is None or bool(np.abs(p_world - kept_at).max() > KEPT_WITHIN_M)
+
+
+def _ids_in(events: Sequence[MapEvent]) -> set[int]:
+    return {event.landmark_id for event in events} | {event.other_id for event in events if event.other_id is not None}
+
+
+def _storable(edit: EditRecord) -> EditRecord:
+    """The edit with texts and ids that any store can hold; an id that no landmark can have becomes -1."""
+    return replace(
+        edit,
+        kind=_storable_text(edit.kind),
+        landmark_id=_storable_id(edit.landmark_id),
+        other_id=None if edit.other_id is None else _storable_id(edit.other_id),
+        detail=_storable_text(edit.detail),
+        agent=_storable_text(edit.agent),
+        model=_storable_text(edit.model),
+        prompt_hash=_storable_text(edit.prompt_hash),
+    )
+
+
+def _storable_id(number: object) -> int:
+    return int(number) if isinstance(number, int | np.integer) and abs(int(number)) <= _LARGEST_ID else -1
+
+
+def _storable_text(text: object) -> str:
+    cut = str(text)[:LONGEST_TEXT]
+    return cut.encode("utf-8", "backslashreplace").decode("utf-8")  # half of a surrogate pair is no text that a file could hold
