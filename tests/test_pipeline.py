@@ -1,6 +1,7 @@
 """The main loop on a tiny world: what a frame does, what the world's failures do, and that the map disposes."""
 
 import json
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -281,7 +282,7 @@ def test_the_store_holds_what_the_result_says(tmp_path):
 
 
 def test_a_map_is_continued_with_its_ids_and_none_is_reused():
-    made = pipeline(agents=[Once(lambda rows: [Remove(rows[1].id, rows[1].version)], keyframe=3)])
+    made = pipeline(config=AS_PROPOSED, agents=[Once(lambda rows: [Remove(rows[1].id, rows[1].version)], keyframe=3)])
     _, first = run(made, frames())
     assert [row.id for row in first.map.landmarks] == [0]
     assert first.map.next_id == 2
@@ -358,6 +359,9 @@ def test_an_interrupted_source_leaves_a_whole_result():
 # --- agents ----------------------------------------------------------------------------------------------------------------------
 
 
+AS_PROPOSED = {"edits": {"rails": False}}
+
+
 class Once(Agent):
     """Proposes edits at one keyframe, made by a function of the landmarks it sees."""
 
@@ -411,7 +415,8 @@ def test_relabel_remove_and_confirm_are_applied():
     def edits(rows):
         return [Relabel(0, rows[0].version, "teapot", "me"), Remove(1, rows[1].version, "me")]
 
-    steps, result = run(pipeline(agents=[Once(edits, keyframe=2), Once(lambda rows: [Confirm(0, rows[0].version)], keyframe=3)]), frames())
+    agents = [Once(edits, keyframe=2), Once(lambda rows: [Confirm(0, rows[0].version)], keyframe=3)]
+    steps, result = run(pipeline(config=AS_PROPOSED, agents=agents), frames())
     kinds = [(event.kind, event.landmark_id, event.source) for event in steps[4].events]
     assert ("relabelled", 0, "me") in kinds
     assert ("removed", 1, "me") in kinds
@@ -435,7 +440,7 @@ def test_merge_by_an_agent():
     def merge(rows):
         return [Merge(rows[0].id, rows[0].version, rows[1].id, rows[1].version)]
 
-    steps, result = run(pipeline(detector=Doubled(tiny_trajectory(8)), agents=[Once(merge, keyframe=2)]), frames())
+    steps, result = run(pipeline(config=AS_PROPOSED, detector=Doubled(tiny_trajectory(8)), agents=[Once(merge, keyframe=2)]), frames())
     assert [step.landmark_ids.tolist() for step in steps[:3:2]] == [[0, 1], [0, 1]]
     merged = [event for event in steps[4].events if event.kind == "merged"]
     assert [(event.landmark_id, event.other_id) for event in merged] == [(1, 0)]
@@ -447,7 +452,7 @@ def test_what_agents_changed_is_in_the_store(tmp_path):
         return [Relabel(0, rows[0].version, "teapot", "me"), Remove(1, rows[1].version, "me")]
 
     with SqliteStore(tmp_path / "map.db") as store:
-        run(pipeline(store=store, agents=[Once(edits, keyframe=3)]), frames())
+        run(pipeline(config=AS_PROPOSED, store=store, agents=[Once(edits, keyframe=3)]), frames())
     with SqliteStore(tmp_path / "map.db", read_only=True) as store:
         assert {row.id: row.label for row in store.landmarks()} == {0: "teapot"}
         assert [kind for _, kind, _, source in store.history(1) if source == "me"] == ["removed"]
@@ -461,16 +466,27 @@ def test_what_agents_changed_is_in_the_store(tmp_path):
 def test_an_edit_that_does_not_hold_is_a_warning(edit):
     steps, result = run(pipeline(agents=[Once(lambda rows: [edit], keyframe=2)]), frames())
     assert len(steps[4].warnings) == 1
-    assert "agent Once: edit refused: " in steps[4].warnings[0]
+    assert re.match("agent Once: (edit refused: |proposed edits of what it was not shown)", steps[4].warnings[0])
     assert {row.label for row in result.map.landmarks} == {"cup", "book"}
 
 
-def test_of_two_edits_of_one_landmark_the_second_is_stale():
+def test_an_edit_of_a_landmark_that_changed_meanwhile_is_stale():
     def edits(rows):
-        return [Relabel(0, rows[0].version, "teapot"), Remove(0, rows[0].version)]
+        a, b = rows
+        return [Merge(a.id, a.version, b.id, b.version), Relabel(a.id, a.version, "teapot"), Remove(b.id, b.version)]
+
+    steps, _ = run(pipeline(config=AS_PROPOSED, agents=[Once(edits, keyframe=2)]), frames())
+    assert [(edit.kind, edit.outcome) for edit in steps[4].edits] == [("merge", "applied"), ("relabel", "stale"), ("remove", "stale")]
+    assert "version" in steps[4].edits[1].detail
+    assert steps[4].warnings == ()  # the world moves on while agents think
+
+
+def test_a_name_given_by_an_agent_makes_its_other_edits_not_stale():
+    def edits(rows):
+        return [Relabel(0, rows[0].version, "teapot"), Confirm(0, rows[0].version)]
 
     steps, result = run(pipeline(agents=[Once(edits, keyframe=2)]), frames())
-    assert "version" in steps[4].warnings[0]
+    assert [edit.outcome for edit in steps[4].edits] == ["applied", "applied"]
     assert {row.label for row in result.map.landmarks} == {"teapot", "book"}
 
 
@@ -542,7 +558,7 @@ def test_composed_from_a_file(tmp_path, name, text):
         ({"detector": object()}, "detector: object has no detect"),
         ({"odometry": object()}, "odometry: object has no update"),
         ({"associator": object()}, "associator: object has no associate"),
-        ({"store": object()}, "store: object has no commit, no keyframe, no keyframe_ids, no set_meta"),
+        ({"store": object()}, "store: object has no commit, no keyframe, no amend, no edits, no keyframe_ids"),
         ({"embedder": object()}, "embedder: object has no embed_text, no name"),
         ({"smoother": object()}, "smoother: object has no start, no predict"),
         ({"agents": [object()]}, "agent: object has no propose"),

@@ -13,7 +13,11 @@ from seo_slam.types import Detections
 
 # Low and high corner of each block's front, in the first camera's frame.
 FRONTS = {"cup": ((-0.5, -0.2, 1.4), (-0.1, 0.3, 1.4)), "book": ((0.2, -0.3, 1.6), (0.6, 0.1, 1.6))}
-EVERY_SECOND = {"keyframes": {"distance_m": 9.0, "angle_deg": 90.0, "period_s": 0.2}, "embedder": {"name": "hashed"}}
+EVERY_SECOND = {
+    "runner": {"view_period_s": 0.0},
+    "keyframes": {"distance_m": 9.0, "angle_deg": 90.0, "period_s": 0.2},
+    "embedder": {"name": "hashed"},
+}
 """Settings under which every second tiny frame is a keyframe."""
 
 

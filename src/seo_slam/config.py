@@ -220,17 +220,42 @@ _PAPER: dict[str, Any] = {
     "lifting": {"one_box_a_place": False},
     "map": {"stable_observations": 3, "stable_seconds": 0.0, "merge_duplicates": False},
     "life": {"enabled": False},
+    "agents": [],
 }
-"""Table II's variants without agents: without what of ours decides about a landmark's life (merging, existence, one box a place).
+"""Table II's variants: without what of ours decides about a landmark's life (merging, existence, one box a place).
 Lifting and graph are the same in all variants; the paper leaves them open."""
 
+
+def chat_agents(verification: Mapping[str, Any], others: Mapping[str, Any] | None = None) -> list[dict[str, Any]]:
+    """Return the paper's three agents as settings (SEO-SLAM IV-B: a lighter model verifies, a stronger one describes and merges).
+
+    Args:
+        verification: options of the chat model "openai" for the verification agent: model, base_url, …
+        others: those for description and merging; the same ones by default.
+    """
+    chosen = {"verification": verification, "description": others or verification, "merging": others or verification}
+    return [{"name": role, "options": {"chat": {"name": "openai", "options": dict(options)}}} for role, options in chosen.items()]
+
+
+_CHAT = {"agents": chat_agents({"model": "gpt-4o-mini"}, {"model": "gpt-4o"}), "runner": {"mode": "background"}}
+
+_LOCAL: dict[str, Any] = {"agents": []}
+
+_AS_PROPOSED = {"edits": {"rails": False}}
+
+_NEAREST = {"associator": {"name": "nearest"}}
+
 PRESETS: dict[str, dict[str, Any]] = {
-    "seo_slam": {},
-    "rg": _PAPER | {"associator": {"name": "nearest"}},
+    "seo_slam": _LOCAL,
+    "seo_slam_chat": _CHAT,
+    "seo_slam_no_agents": {"agents": []},
+    "rg": _PAPER | _NEAREST,
     "rg_d": _PAPER,
+    "rg_a": _PAPER | _NEAREST | _CHAT | _AS_PROPOSED,
+    "rg_d_a": _PAPER | _CHAT | _AS_PROPOSED,
     "rg_d_cosine": _PAPER | {"association": {"semantic_gate": "cosine"}},
     "seo_slam_paper_gate": {"association": {"semantic_gate": "cosine", "solver": "lap"}},
-    "nearest": {"associator": {"name": "nearest"}},
+    "nearest": _NEAREST,
 }
 
 

@@ -7,10 +7,10 @@
 from abc import ABC, abstractmethod
 from collections.abc import Awaitable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Literal, Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 from seo_slam.geometry import FloatArray
-from seo_slam.records import Amendment, Edit, EditRecord, KeyframeRecord
+from seo_slam.records import AgentRole, Amendment, Edit, EditRecord, KeyframeRecord
 from seo_slam.types import (
     Association,
     Estimate,
@@ -317,9 +317,6 @@ class AgentView:
     asked: tuple[int, ...] = ()
     known_labels: tuple[str, ...] = ()
     evidence: Mapping[int, Evidence] = field(default_factory=dict)
-
-
-AgentRole = Literal["verification", "description", "merging", "any"]
 
 
 class Agent(ABC):

@@ -8,26 +8,27 @@ from typing import Any, Self
 
 import numpy as np
 
+from seo_slam.agent_host import AgentHost
 from seo_slam.association.label_likelihood import LabelLikelihood
 from seo_slam.composition import Parts, compose
 from seo_slam.config import Config
-from seo_slam.errors import AgentError, ConfigError, EditRefused, FrameError
+from seo_slam.errors import ConfigError, FrameError
 from seo_slam.geometry import FloatArray
-from seo_slam.interfaces import AgentView
 from seo_slam.keeping import Keeper
 from seo_slam.map import Map
 from seo_slam.map_document import Gravity
-from seo_slam.mapping.duplicates import duplicate_pairs, projected_box
-from seo_slam.mapping.edits import apply_edit, merge_landmarks
+from seo_slam.mapping.duplicates import duplicate_pairs
+from seo_slam.mapping.edit_desk import Judged
+from seo_slam.mapping.edits import merge_landmarks
 from seo_slam.mapping.keyframes import is_keyframe
 from seo_slam.mapping.lifecycle import LifeCycle, SightingsOnly
 from seo_slam.mapping.motion_chain import MotionChain
 from seo_slam.mapping.object_map import ObjectMap
 from seo_slam.mapping.sight import DepthView
-from seo_slam.perception.adapters import outside, to_detections
+from seo_slam.perception.adapters import to_detections
 from seo_slam.perception.cut_boxes import completed
 from seo_slam.perception.lifting import observe
-from seo_slam.records import MapEvent, StepResult, Trajectory
+from seo_slam.records import EditRecord, MapEvent, StepResult, Trajectory
 from seo_slam.stages import StageClock
 from seo_slam.types import NEW, REJECTED, Association, Detections, Estimate, Frame, IntArray, Landmarks, Motion, Observations
 
@@ -48,6 +49,7 @@ class RunResult:
         warnings: message -> how often.
         seconds: stage -> (number, p50, p95, max, total) of its seconds.
         events: (keyframe_id, event) in order.
+        agents: how often agents were asked, with what result, and what became of their edits; empty without agents.
     """
 
     map: Map
@@ -60,6 +62,7 @@ class RunResult:
     warnings: Mapping[str, int]
     seconds: Mapping[str, Mapping[str, float]]
     events: tuple[tuple[int, MapEvent], ...]
+    agents: Mapping[str, Any] = field(default_factory=dict)
 
 
 @dataclass(slots=True)
@@ -79,6 +82,7 @@ class _KeyframeOutcome:
     association: Association
     landmark_ids: IntArray
     events: tuple[MapEvent, ...]
+    edits: tuple[EditRecord, ...]
 
 
 class Pipeline:
@@ -100,7 +104,7 @@ class Pipeline:
         smoother: estimates poses and positions.
         embedder: turns labels into vectors.
         store: keeps every keyframe.
-        agents: asked after every keyframe, in this order, in the caller's thread.
+        agents: look at the map and propose edits, in the order of Fig 3; ``runner.mode`` says whether keyframes wait for them.
         map: an older map to continue; the first camera must be placed in its frame (recorded poses, or an initial pose).
 
     Raises:
@@ -140,6 +144,7 @@ class Pipeline:
         if self.config.life.enabled:
             self._life = LifeCycle(self.config.life, self.config.lifting, self._objects, self._likelihood)
         self._keeper = Keeper(self.parts, self._objects)
+        self._agents = AgentHost(self.parts.agents, self.config, self._objects, self.parts.smoother, self.parts.embedder)
         self.clock = StageClock()
         self._counts = _Counts()
         self._since_keyframe = MotionChain()
@@ -168,8 +173,29 @@ class Pipeline:
         self.close()
 
     def close(self) -> None:
-        """Release the store. The result can still be asked for."""
+        """Cancel questions that are still out, end the agents' thread, and release the store. The result can still be asked for."""
+        self._agents.close()
         self.parts.store.close()
+
+    def poll(self) -> tuple[EditRecord, ...]:
+        """Apply what agents have answered since the last frame, when no frame comes; waits for nothing."""
+        return self._amend(self._agents.poll(self._keyframe_id, self._last_stamp_s)) if self._path else ()
+
+    def drain(self, timeout_s: float = 30.0) -> tuple[EditRecord, ...]:
+        """Wait for the agents' last answers, at most so long (recorded seconds where time is virtual), and apply them.
+
+        To be called at the end of a recording, before ``result``.
+        """
+        return self._amend(self._agents.drain(timeout_s, self._keyframe_id, self._last_stamp_s)) if self._path else ()
+
+    def _amend(self, judged: Judged) -> tuple[EditRecord, ...]:
+        """Keep what agents changed between keyframes."""
+        for warning in judged.warnings:
+            self._counts.warnings[warning] = self._counts.warnings.get(warning, 0) + 1
+        self._counts.events += [(self._keyframe_id, event) for event in judged.events]
+        if judged.records:
+            self._keeper.amend(self._keyframe_id, judged.events, judged.records)
+        return tuple(judged.records)
 
     def stream(self, frames: Iterable[Frame]) -> Iterator[StepResult]:
         """Yield the result of each frame as it is done."""
@@ -212,6 +238,7 @@ class Pipeline:
             association=outcome.association if outcome else None,
             landmark_ids=outcome.landmark_ids if outcome else None,
             events=outcome.events if outcome else (),
+            edits=outcome.edits if outcome else (),
             warnings=tuple(warnings),
             seconds=clock.end_frame(),
         )
@@ -262,6 +289,7 @@ class Pipeline:
             warnings=dict(counts.warnings),
             seconds=self.clock.summary(),
             events=tuple(counts.events),
+            agents=self._agents.counts(),
         )
 
     def snapshot(self) -> Map:
@@ -329,15 +357,20 @@ class Pipeline:
             depth_m = np.zeros_like(frame.depth_m) if lost else frame.depth_m
             view = DepthView(frame.camera, depth_m, self._estimate.T_world_camera, frame.timestamp_s)
             events += self._life.step(view, _after_merges(landmark_ids[used], events), parts.smoother)
+        edits: list[EditRecord] = []
         if parts.agents:
             with clock.stage("agents"):
-                events += self._ask_agents(frame, warnings)
+                judged = self._agents.step(frame, self._estimate.T_world_camera, self._keyframe_id)
+            events, edits = events + judged.events, judged.records
+            warnings += judged.warnings
         with clock.stage("store"):
-            self._keeper.keep(self._keyframe_id, frame.timestamp_s, self._estimate, motion, observations[used], landmark_ids[used], events)
+            self._keeper.keep(
+                self._keyframe_id, frame.timestamp_s, self._estimate, motion, observations[used], landmark_ids[used], events, edits
+            )
         self._counts.detections += len(detections)
         self._counts.observations += len(observations)
         self._counts.events += [(self._keyframe_id, event) for event in events]
-        return _KeyframeOutcome(detections, observations, association, landmark_ids, tuple(events))
+        return _KeyframeOutcome(detections, observations, association, landmark_ids, tuple(events), tuple(edits))
 
     def _integrate(self, frame: Frame, observations: Observations, landmark_ids: IntArray) -> list[MapEvent]:
         """Fold the measurements into what is known of the things, and doubles into one."""
@@ -360,27 +393,6 @@ class Pipeline:
         ids, p_world = self.parts.smoother.positions()
         pairs = duplicate_pairs(self._objects, ids, p_world, seen_now, self._likelihood, self._estimate.T_world_camera, frame.camera)
         return [merge_landmarks(keep_id, drop_id, self._objects, self.parts.smoother) for keep_id, drop_id in pairs]
-
-    def _ask_agents(self, frame: Frame, warnings: list[str]) -> list[MapEvent]:
-        events = []
-        for agent in self.parts.agents:
-            rows = [row for row in self._objects.rows(self.parts.smoother) if row.state == "stable"]
-            T = self._estimate.T_world_camera
-            boxes = {row.id: projected_box(row.position_m, row.size_m, T, frame.camera) for row in rows}
-            in_image = {i: box for i, box in boxes.items() if box is not None and not outside(box[None], frame.camera)[0]}
-            view = AgentView(frame, T, Landmarks.from_rows(rows), in_image)
-            try:
-                edits = list(agent.propose(view))
-            except AgentError as error:
-                warnings.append(f"agent {agent.name}: {error}")
-                continue
-            for edit in edits:
-                try:
-                    event = apply_edit(edit, self._objects, self.parts.smoother, self.parts.embedder)
-                    events.append(event if event.source else replace(event, source=agent.name))
-                except EditRefused as error:
-                    warnings.append(f"agent {agent.name}: edit refused: {error}")
-        return events
 
 
 def _after_merges(landmark_ids: IntArray, events: Sequence[MapEvent]) -> IntArray:

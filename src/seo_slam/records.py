@@ -75,6 +75,8 @@ class Merge:
 
 Edit = Confirm | Doubt | Relabel | Remove | Merge
 
+AgentRole = Literal["verification", "description", "merging", "any"]
+
 EditOutcome = Literal["applied", "noted", "stale", "refused"]
 
 
@@ -86,6 +88,8 @@ class Proposal:
         edit: what is proposed.
         agent, model, prompt_hash: who proposed it; the model and prompt are "" for agents that ask none.
         view_keyframe_id, view_s: the keyframe that was looked at, and its stamp.
+        camera_world: where its camera was, if known: verdicts from one side are one verdict.
+        role: of the agent; what it names counts as evidence, but that of role "any", which stands alone, is taken at its word.
     """
 
     edit: Edit
@@ -94,6 +98,8 @@ class Proposal:
     prompt_hash: str = ""
     view_keyframe_id: int = 0
     view_s: float = 0.0
+    camera_world: tuple[float, float, float] | None = None
+    role: AgentRole = "any"
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -50,7 +50,7 @@ def duplicate_pairs(
         first, second = object_map[int(ids[a])], object_map[int(ids[b])]
         if (
             object_map.times_apart(first.id, second.id) < object_map.settings.separate_frames
-            and _one_within_other(first, second, p_world[a] - p_world[b])
+            and one_within_other(first, second, p_world[a] - p_world[b])
             and _compatible_size(first, second)
             and likelihood.between(first.distribution(), second.distribution()) >= 0.0
             and _overlap_in_image((first, p_world[a]), (second, p_world[b]), T_world_camera, camera)
@@ -76,8 +76,8 @@ def _other(tree: cKDTree, p_world: FloatArray, row: int) -> int:
     return int(second if first == row else first)
 
 
-def _one_within_other(a: Thing, b: Thing, apart_m: FloatArray) -> bool:
-    """Whether the centre of one lies in the extent of the other, along every axis of the world."""
+def one_within_other(a: Thing, b: Thing, apart_m: FloatArray) -> bool:
+    """Whether the centre of one lies in the extent of the other, along every axis of the world; ``apart_m`` (3,) is between them."""
     half = 0.5 * np.maximum(a.size_m(), b.size_m()) + SLACK_M
     return bool((np.abs(apart_m) <= half).all())
 

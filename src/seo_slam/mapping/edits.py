@@ -4,9 +4,10 @@ import numpy as np
 
 from seo_slam.errors import EditRefused, FrameError
 from seo_slam.interfaces import Embedder, Smoother
+from seo_slam.mapping.duplicates import one_within_other
 from seo_slam.mapping.object_map import ObjectMap
 from seo_slam.perception.labels import clean_label
-from seo_slam.records import Confirm, Edit, MapEvent, Merge, Relabel, Remove
+from seo_slam.records import Confirm, Doubt, Edit, MapEvent, Merge, Relabel, Remove
 
 
 def apply_edit(edit: Edit, object_map: ObjectMap, smoother: Smoother, embedder: Embedder) -> MapEvent:
@@ -23,11 +24,14 @@ def apply_edit(edit: Edit, object_map: ObjectMap, smoother: Smoother, embedder: 
         case Confirm(landmark_id, version, source):
             _require_version(object_map, landmark_id, version)
             return MapEvent("confirmed", landmark_id, object_map[landmark_id].label, source)
-        case Relabel(landmark_id, version, label, source):
+        case Doubt(landmark_id, version, source):
             _require_version(object_map, landmark_id, version)
-            clean = _clean(label, landmark_id)
+            return MapEvent("doubted", landmark_id, object_map[landmark_id].label, source)
+        case Relabel(landmark_id, version, label, source, category):
+            _require_version(object_map, landmark_id, version)
+            clean, plain = _clean(label, landmark_id), _clean(category, landmark_id) if category else ""
             before = object_map[landmark_id].label
-            object_map.relabel(landmark_id, clean, embedder.embed_text([clean])[0])
+            object_map.relabel(landmark_id, clean, embedder.embed_text([clean])[0], plain)
             return MapEvent("relabelled", landmark_id, f"{before} -> {clean}", source)
         case Remove(landmark_id, version, source):
             _require_version(object_map, landmark_id, version)
@@ -40,7 +44,7 @@ def apply_edit(edit: Edit, object_map: ObjectMap, smoother: Smoother, embedder: 
                 raise EditRefused(f"landmark {keep_id} cannot be merged with itself")
             _require_version(object_map, keep_id, keep_version)
             _require_version(object_map, drop_id, drop_version)
-            _require_close(keep_id, drop_id, object_map, smoother)
+            require_close(keep_id, drop_id, object_map, smoother)
             return merge_landmarks(keep_id, drop_id, object_map, smoother, source)
         case _:
             raise EditRefused(f"got {edit!r:.80}, wanted Confirm, Relabel, Remove or Merge")
@@ -72,10 +76,17 @@ def _require_version(object_map: ObjectMap, landmark_id: int, version: int) -> N
         raise EditRefused(f"landmark {landmark_id}: the edit is for version {version}, it is at {now} now")
 
 
-def _require_close(keep_id: int, drop_id: int, object_map: ObjectMap, smoother: Smoother) -> None:
+def require_close(keep_id: int, drop_id: int, object_map: ObjectMap, smoother: Smoother) -> bool:
+    """Return whether the centre of one landmark lies within the extent of the other.
+
+    Raises:
+        EditRefused: they lie farther apart than their extents allow.
+    """
     ids, positions = smoother.positions()
     where = {int(i): p for i, p in zip(ids, positions, strict=True)}
-    apart_m = float(np.linalg.norm(where[keep_id] - where[drop_id]))
+    apart_m = where[keep_id] - where[drop_id]
     reach_m = 0.5 * float(object_map[keep_id].size_m().max() + object_map[drop_id].size_m().max())
-    if apart_m > reach_m:
-        raise EditRefused(f"landmarks {keep_id} and {drop_id} lie {apart_m:.2f} m apart, their extents reach {reach_m:.2f} m")
+    if float(np.linalg.norm(apart_m)) > reach_m:
+        far = f"{float(np.linalg.norm(apart_m)):.2f} m apart, their extents reach {reach_m:.2f} m"
+        raise EditRefused(f"landmarks {keep_id} and {drop_id} lie {far}")
+    return one_within_other(object_map[keep_id], object_map[drop_id], apart_m)

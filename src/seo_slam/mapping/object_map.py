@@ -53,7 +53,8 @@ class Thing:
         existence: probability that it is there.
         looks: (area_px, hidden share) of the newest views in which it was found.
         surface_views: (S, 3) points of its surface each, from the newest views, relative to its position, world axes.
-        fixed_label, fixed_embedding: the word an agent gave it, and (D,) its unit embedding.
+        fixed_label, fixed_embedding: the label an agent gave it, and (D,) its unit embedding.
+        fixed_category: the plain word it gave beside it, "" if the label is one.
         cov_world: (3, 3) of its position, as last asked of the smoother.
     """
 
@@ -74,6 +75,7 @@ class Thing:
     version: int = 0
     fixed_label: str | None = None
     fixed_embedding: FloatArray | None = None
+    fixed_category: str = ""
     cov_world: FloatArray = field(default_factory=lambda: UNKNOWN_SIGMA_M**2 * np.eye(3))
     _size_m: FloatArray | None = None
     _across_m: FloatArray | None = None
@@ -110,7 +112,8 @@ class Thing:
         shares = {word: weight / total for word, weight in self.weights.items()} if total > 0 else {}
         if self.fixed_label is not None:
             shares = {word: (1.0 - AGENT_SHARE) * share for word, share in shares.items()}
-            shares[self.fixed_label] = shares.get(self.fixed_label, 0.0) + 1.0 - sum(shares.values())
+            plain = self.fixed_category or self.fixed_label
+            shares[plain] = shares.get(plain, 0.0) + 1.0 - sum(shares.values())
         return dict(sorted(shares.items(), key=lambda item: (-item[1], item[0])))
 
     def size_m(self) -> FloatArray:
@@ -170,6 +173,8 @@ class ObjectMap:
             sightings=Sightings(hits=min(landmark.observations, HITS_RESTORED)) if landmark.state == "stable" else Sightings(),
             state=landmark.state,
             version=landmark.version,
+            fixed_label=landmark.label if landmark.label and landmark.label != heaviest(landmark.labels) else None,
+            fixed_category=landmark.category,
         )
         self.next_id = max(self.next_id, landmark.id + 1)
 
@@ -286,7 +291,7 @@ class ObjectMap:
         if "stable" in (keep.state, drop.state):
             keep.state = "stable"
         if keep.fixed_label is None:
-            keep.fixed_label, keep.fixed_embedding = drop.fixed_label, drop.fixed_embedding
+            keep.fixed_label, keep.fixed_embedding, keep.fixed_category = drop.fixed_label, drop.fixed_embedding, drop.fixed_category
         keep.version += 1
         keep.changed()
         for pair, times in list(self.seen_apart.items()):  # what is not the one is not the other
@@ -306,7 +311,7 @@ class ObjectMap:
         thing.observations += old.observations
         thing.first_seen_s = old.first_seen_s
         if thing.fixed_label is None:
-            thing.fixed_label, thing.fixed_embedding = old.fixed_label, old.fixed_embedding
+            thing.fixed_label, thing.fixed_embedding, thing.fixed_category = old.fixed_label, old.fixed_embedding, old.fixed_category
         thing.id, thing.version = old.id, old.version + 1
         thing.changed()
         self.things[old.id] = thing
@@ -319,10 +324,10 @@ class ObjectMap:
         for pair in [pair for pair in self.seen_apart if landmark_id in pair]:
             del self.seen_apart[pair]
 
-    def relabel(self, landmark_id: int, label: str, embedding: FloatArray) -> None:
-        """Set the word of a thing, and its unit embedding (D,), whatever the detector says."""
+    def relabel(self, landmark_id: int, label: str, embedding: FloatArray, category: str = "") -> None:
+        """Set the label of a thing, its unit embedding (D,) and the plain word for it, whatever the detector says."""
         thing = self[landmark_id]
-        thing.fixed_label, thing.fixed_embedding = label, embedding
+        thing.fixed_label, thing.fixed_embedding, thing.fixed_category = label, embedding, category
         thing.version += 1
         thing.changed()
 
@@ -355,6 +360,8 @@ class ObjectMap:
             states=tuple(thing.state for thing in things),
             versions=np.array([thing.version for thing in things], dtype=np.int64),
             across_m=np.array([thing.across_m() for thing in things]).reshape(len(ids), 2),
+            names=tuple(thing.label for thing in things),
+            categories=tuple(thing.fixed_category for thing in things),
         )
 
     def _row(self, landmark_id: int, p_world: FloatArray, cov_world: FloatArray) -> Landmark:
@@ -374,6 +381,7 @@ class ObjectMap:
             state=thing.state,
             version=thing.version,
             existence=thing.existence,
+            category=thing.fixed_category,
         )
 
 

@@ -1,0 +1,318 @@
+"""Agents propose, the map disposes: where proposals are judged, one desk a pipeline.
+
+With the rails on, a verdict is evidence (``verdicts``): a landmark is removed, renamed or merged once what was said of it, together with
+what was seen of it, leaves little doubt. With the rails off every edit is applied whose version holds, as in SEO-SLAM III-D.
+"""
+
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from seo_slam.config import EditSettings
+from seo_slam.errors import EditRefused, FrameError
+from seo_slam.interfaces import Embedder, Smoother
+from seo_slam.mapping.edits import apply_edit, merge_landmarks, require_close
+from seo_slam.mapping.object_map import ObjectMap, Thing
+from seo_slam.mapping.verdicts import Belief, Verdict, VerdictKind, Verdicts
+from seo_slam.perception.labels import clean_label
+from seo_slam.records import Confirm, Doubt, Edit, EditOutcome, EditRecord, MapEvent, Merge, Proposal, Relabel, Remove
+from seo_slam.types import Landmark
+
+SURELY_NOTHING = 0.9
+"""A landmark is removed once it is nothing with this probability …"""
+
+FOUND_TOO_SELDOM = 0.8
+"""… and, if only one verdict says so, existence is below this: the sightings are against it, too."""
+
+SURELY_NAMED = 0.6
+"""It is renamed once another word has this probability."""
+
+SIDES = 8
+"""Directions, seen from above, from which a landmark is looked at."""
+
+MOST_WAITING = 256
+
+
+class _Stale(EditRefused):
+    """The landmark has changed since the agent saw it."""
+
+
+@dataclass(slots=True, eq=False)
+class Judged:
+    """What came of a handful of proposals.
+
+    Attributes:
+        events: what changed in the map.
+        records: one a proposal.
+        warnings: what the user should know.
+    """
+
+    events: list[MapEvent] = field(default_factory=list)
+    records: list[EditRecord] = field(default_factory=list)
+    warnings: list[str] = field(default_factory=list)
+
+    def add(self, later: "Judged") -> None:
+        """Append what was judged afterwards."""
+        self.events += later.events
+        self.records += later.records
+        self.warnings += later.warnings
+
+
+class EditDesk:
+    """Judges proposals, in the order they come; those beyond the quota wait for the next keyframe."""
+
+    def __init__(self, settings: EditSettings, objects: ObjectMap, smoother: Smoother, embedder: Embedder) -> None:
+        """Judge edits of ``objects`` and of the graph."""
+        self._settings = settings
+        self._objects = objects
+        self._smoother = smoother
+        self._embedder = embedder
+        self._verdicts = Verdicts()
+        self._waiting: deque[Proposal] = deque()
+        self._renamed_from: dict[tuple[int, int], int] = {}  # landmark and version after an agent renamed it -> version before
+        self._merge_votes: dict[tuple[int, int], set[int]] = {}  # pair -> keyframes of the views that spoke for it
+        self._labels: dict[tuple[int, str], str] = {}  # landmark and category -> the newest descriptive label of it
+        self._at_their_word: set[int] = set()  # landmarks whose name came from an agent of role "any"
+
+    @property
+    def waiting(self) -> int:
+        """Proposals beyond the quota."""
+        return len(self._waiting)
+
+    def is_new(self, landmark_id: int) -> bool:
+        """Whether no agent has said anything of a landmark."""
+        return not self._verdicts.of(landmark_id)
+
+    def judge(self, proposals: Sequence[Proposal], keyframe_id: int, now_s: float) -> Judged:
+        """Judge proposals, older ones that wait first."""
+        self._waiting.extend(proposals)
+        out, applied = Judged(), 0
+        while self._waiting and applied < self._settings.quota:
+            proposal = self._waiting.popleft()
+            before = self._rows(_ids_of(proposal.edit))
+            try:
+                event, outcome, detail = self._decide(proposal)
+            except _Stale as error:
+                event, outcome, detail = None, "stale", str(error)
+            except EditRefused as error:
+                event, outcome, detail = None, "refused", str(error)
+                out.warnings.append(f"agent {proposal.agent}: edit refused: {error}")
+            if event is not None:
+                out.events.append(event if event.source else replace(event, source=proposal.agent))
+            changed = outcome == "applied" and not isinstance(proposal.edit, Confirm)
+            applied += int(changed)
+            out.records.append(_record(proposal, event, outcome, detail, keyframe_id, now_s, before if changed else ()))
+        while len(self._waiting) > MOST_WAITING:
+            dropped = self._waiting.popleft()
+            out.records.append(_record(dropped, None, "refused", "too many edits wait", keyframe_id, now_s, ()))
+        return out
+
+    def forget_missing(self) -> None:
+        """Drop what was said of landmarks that are gone."""
+        for landmark_id in self._verdicts.known() - self._objects.things.keys():
+            self._verdicts.forget(landmark_id)
+
+    def _decide(self, proposal: Proposal) -> tuple[MapEvent | None, EditOutcome, str]:
+        edit = proposal.edit
+        if not _ids_of(edit):
+            raise EditRefused(f"got {edit!r:.80}, wanted Confirm, Doubt, Relabel, Remove or Merge")
+        self._require_current(edit)
+        if not self._settings.rails:
+            return self._as_proposed(proposal)
+        if isinstance(edit, Merge):
+            return self._weigh_merge(edit, proposal)
+        if isinstance(edit, Relabel) and proposal.role == "any":
+            self._at_their_word.add(edit.landmark_id)
+            return self._as_proposed(proposal)
+        return self._weigh(edit, proposal)
+
+    def _as_proposed(self, proposal: Proposal) -> tuple[MapEvent | None, EditOutcome, str]:
+        """Apply an edit whose version holds: the paper's way."""
+        edit = self._for_now(proposal.edit)
+        if isinstance(edit, Doubt):
+            return None, "noted", f"{self._objects[edit.landmark_id].label!r} is doubted"
+        if isinstance(edit, Merge):
+            event = merge_landmarks(edit.keep_id, edit.drop_id, self._objects, self._smoother, edit.source)
+        else:
+            event = apply_edit(edit, self._objects, self._smoother, self._embedder)
+        if isinstance(edit, Relabel):
+            self._renamed_from[edit.landmark_id, self._objects[edit.landmark_id].version] = edit.version
+        return event, "applied", event.detail
+
+    def _for_now(self, edit: Edit) -> Edit:
+        """The edit for the present version: only agents' names came between."""
+        if isinstance(edit, Confirm | Relabel | Remove):
+            return replace(edit, version=self._objects[edit.landmark_id].version)
+        return edit
+
+    def _weigh(self, edit: Confirm | Doubt | Relabel | Remove, proposal: Proposal) -> tuple[MapEvent | None, EditOutcome, str]:
+        """Let a verdict count, and change what it leaves no doubt about."""
+        thing = self._objects[edit.landmark_id]
+        first_confirm = isinstance(edit, Confirm) and not any(v.kind == "confirm" for v in self._verdicts.of(thing.id))
+        verdict = self._verdict(edit, thing, proposal)
+        self._verdicts.hear(thing.id, verdict)
+        if isinstance(edit, Relabel):
+            self._labels[thing.id, verdict.word] = _clean(edit.label, thing.id)
+        belief = self._verdicts.belief(thing.id, thing.existence, thing.weights)
+        if self._may_be_removed(thing, belief):
+            return self._remove(thing, edit.source), "applied", f"{thing.label}, {_percent(belief.nothing)} nothing"
+        event = self._renamed(thing, belief, edit.source)
+        if event is not None:
+            return event, "applied", event.detail
+        if first_confirm:
+            return MapEvent("confirmed", thing.id, thing.label, edit.source), "applied", thing.label
+        return None, "noted", _in_words(edit, thing, belief)
+
+    def _may_be_removed(self, thing: Thing, belief: Belief) -> bool:
+        denials = {(v.who, v.side) for v in self._verdicts.of(thing.id) if v.kind == "remove"}
+        seconded = len(denials) > 1 or (len(denials) == 1 and thing.existence < FOUND_TOO_SELDOM)
+        return seconded and belief.nothing >= SURELY_NOTHING
+
+    def _remove(self, thing: Thing, source: str) -> MapEvent:
+        self._smoother.remove(thing.id)
+        self._objects.forget(thing.id)
+        self._verdicts.forget(thing.id)
+        return MapEvent("removed", thing.id, thing.label, source)
+
+    def _renamed(self, thing: Thing, belief: Belief, source: str) -> MapEvent | None:
+        """Give a thing the word that is most likely, and the newest description that goes with it, unless it has them."""
+        best = belief.best
+        if thing.id in self._at_their_word or not best or belief.words[best] < SURELY_NAMED * (1.0 - belief.nothing):
+            return None
+        described = self._labels.get((thing.id, best))
+        now = (thing.fixed_category or thing.label).casefold()
+        if (best == now and described in (None, thing.label)) or (best != now and described is None and thing.fixed_label is None):
+            return None  # it has it already; or only the detector says so, whose word leads as soon as it is the heaviest
+        category = next((word for word in thing.weights if word.casefold() == best), best)
+        label = described or category
+        if (label, category if label != category else "") == (thing.label, thing.fixed_category):
+            return None
+        before, version = thing.label, thing.version
+        self._objects.relabel(thing.id, label, self._embedder.embed_text([label])[0], category if label != category else "")
+        self._renamed_from[thing.id, thing.version] = version
+        return MapEvent("relabelled", thing.id, f"{before} -> {label}", source)
+
+    def _weigh_merge(self, edit: Merge, proposal: Proposal) -> tuple[MapEvent | None, EditOutcome, str]:
+        """Merge what lies within reach and was not seen apart, at once if the extents overlap, else at the second vote."""
+        if edit.keep_id == edit.drop_id:
+            raise EditRefused(f"landmark {edit.keep_id} cannot be merged with itself")
+        apart = self._objects.times_apart(edit.keep_id, edit.drop_id)
+        if apart >= self._objects.settings.separate_frames:
+            raise EditRefused(f"landmarks {edit.keep_id} and {edit.drop_id} were seen apart in {apart} keyframes: they are two")
+        overlap = require_close(edit.keep_id, edit.drop_id, self._objects, self._smoother)
+        low, high = sorted((edit.keep_id, edit.drop_id))
+        votes = self._merge_votes.setdefault((low, high), set())
+        votes.add(proposal.view_keyframe_id)
+        if len(votes) < 2 and not overlap:
+            return None, "noted", f"landmarks {edit.keep_id} and {edit.drop_id} are said to be one; a second view is to say so, too"
+        del self._merge_votes[low, high]
+        event = merge_landmarks(edit.keep_id, edit.drop_id, self._objects, self._smoother, edit.source)
+        self._verdicts.merge(edit.keep_id, edit.drop_id)
+        return event, "applied", f"{event.detail} into {edit.keep_id}"
+
+    def _verdict(self, edit: Confirm | Doubt | Relabel | Remove, thing: Thing, proposal: Proposal) -> Verdict:
+        kinds: dict[type, VerdictKind] = {Confirm: "confirm", Doubt: "doubt", Remove: "remove", Relabel: "name"}
+        word = thing.fixed_category or thing.label
+        if isinstance(edit, Relabel):
+            word = _clean(edit.category, thing.id) if edit.category else _clean(edit.label, thing.id)
+        who = f"{proposal.agent} {proposal.model}".strip()
+        return Verdict(who, kinds[type(edit)], "" if isinstance(edit, Remove) else word.casefold(), self._side(thing, proposal))
+
+    def _side(self, thing: Thing, proposal: Proposal) -> int:
+        """From where a thing was looked at; a keyframe's own number, below 0, where nothing is known of the camera."""
+        ids, p_world = self._smoother.positions()
+        if proposal.camera_world is None:
+            return -1 - proposal.view_keyframe_id
+        x, y, _ = np.array(proposal.camera_world) - p_world[int(np.searchsorted(ids, thing.id))]
+        return int(np.floor((np.arctan2(y, x) / (2.0 * np.pi)) * SIDES)) % SIDES
+
+    def _require_current(self, edit: Edit) -> None:
+        for landmark_id, version in _ids_and_versions(edit):
+            if landmark_id not in self._objects:
+                raise _Stale(f"landmark {landmark_id} is not in the map (any more)")
+            now = self._objects[landmark_id].version
+            while now > version and (landmark_id, now) in self._renamed_from:  # an agent's own name changes nothing about the thing
+                now = self._renamed_from[landmark_id, now]
+            if now != version:
+                current = self._objects[landmark_id].version
+                kind = _Stale if version < current else EditRefused  # a version that never was is a fault of the agent
+                raise kind(f"landmark {landmark_id}: the edit is for version {version}, it is at {current} now")
+
+    def _rows(self, ids: Sequence[int]) -> tuple[Landmark, ...]:
+        """The landmarks as they are, for the record."""
+        known = [i for i in ids if i in self._objects]
+        if not known:
+            return ()
+        every, p_world = self._smoother.positions()
+        rows = np.searchsorted(every, np.array(known, dtype=np.int64))
+        covariances = np.array([self._objects[i].cov_world for i in known])
+        return tuple(self._objects.rows_with(every[rows], p_world[rows], covariances))
+
+
+def _ids_and_versions(edit: Edit) -> list[tuple[int, int]]:
+    match edit:
+        case Merge():
+            return [(edit.keep_id, edit.keep_version), (edit.drop_id, edit.drop_version)]
+        case Confirm() | Doubt() | Relabel() | Remove():
+            return [(edit.landmark_id, edit.version)]
+        case _:
+            return []
+
+
+def _ids_of(edit: Edit) -> list[int]:
+    return [landmark_id for landmark_id, _ in _ids_and_versions(edit)]
+
+
+def _record(
+    proposal: Proposal,
+    event: MapEvent | None,
+    outcome: EditOutcome,
+    detail: str,
+    keyframe_id: int,
+    now_s: float,
+    before: tuple[Landmark, ...],
+) -> EditRecord:
+    """What is kept; a verdict that led to another change is recorded as that change, since that is what can be undone."""
+    edit = proposal.edit
+    kinds = {"removed": "remove", "relabelled": "relabel", "merged": "merge", "confirmed": "confirm"}
+    kind = kinds[event.kind] if event is not None else type(edit).__name__.lower()
+    ids = _ids_of(edit)
+    return EditRecord(
+        kind=kind,
+        landmark_id=ids[-1] if ids else -1,
+        other_id=ids[0] if len(ids) > 1 else None,
+        outcome=outcome,
+        detail=detail,
+        agent=proposal.agent,
+        model=proposal.model,
+        prompt_hash=proposal.prompt_hash,
+        view_keyframe_id=proposal.view_keyframe_id,
+        view_s=proposal.view_s,
+        keyframe_id=keyframe_id,
+        timestamp_s=now_s,
+        before=before,
+    )
+
+
+def _clean(label: object, landmark_id: int) -> str:
+    try:
+        clean = clean_label(label)
+    except FrameError as error:
+        raise EditRefused(f"landmark {landmark_id}: {error}") from error
+    if clean is None:
+        raise EditRefused(f"landmark {landmark_id}: got an empty label")
+    return clean
+
+
+def _in_words(edit: Edit, thing: Thing, belief: Belief) -> str:
+    """A verdict that changes nothing (yet), and what is believed now."""
+    best = belief.best
+    believed = f"nothing {_percent(belief.nothing)}" + (f", {best} {_percent(belief.words[best])}" if best else "")
+    said = f"{edit.label!r}" if isinstance(edit, Relabel) else f"{thing.label!r}"
+    return f"{said}; believed: {believed}"
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.0f} %"

@@ -1,0 +1,204 @@
+"""What agents said of each landmark, weighed against what the detector and the depth image say.
+
+A verdict is evidence, as strong as its model is reliable, and how reliable that is is measured in the run itself: most landmarks are sure
+without any agent, so a model that often contradicts what is sure is believed little (an EM step of Dawid and Skene, 1979, with one
+rate a model). For every landmark the explanations compete that it is nothing, or a thing of one of the words that were said of it.
+"""
+
+from collections import Counter, defaultdict
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from seo_slam.geometry import FloatArray
+
+ANOTHER = ""
+"""A thing of a word that nobody said."""
+
+VerdictKind = Literal["confirm", "doubt", "remove", "name"]
+
+PRIOR_RIGHT, PRIOR_WRONG = 8.0, 2.0
+"""A model counts as right in 8 of 10 verdicts until this run says otherwise."""
+
+LEAST_RELIABLE, MOST_RELIABLE = 0.4, 0.97
+
+OTHER_VERDICTS = 2.0
+"""A wrong verdict is one of so many."""
+
+OTHER_NAMES = 4.0
+"""A wrong name is one of so many look-alikes."""
+
+DETECTOR_SIDES = 3.5
+"""Log odds of the detector's word if it was the only one: what one or two sides of a thing say, however many views there are of them."""
+
+SURE_IT_IS = 4.0
+"""Log odds, at most, that a landmark is something, from sightings alone."""
+
+SAME_SIDE = 0.25
+"""What a verdict adds after another from the same side: a model shown the same picture errs the same way."""
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """One thing that one agent said of a landmark.
+
+    Attributes:
+        who: agent and model, whose reliability is measured together.
+        kind: "confirm" or "doubt" of ``word``; "remove": nothing to be recognised; "name": it is a ``word``.
+        word: the plain word, casefolded; "" for "remove".
+        side: from where it was seen, a small number.
+    """
+
+    who: str
+    kind: VerdictKind
+    word: str
+    side: int
+
+
+@dataclass(frozen=True, slots=True)
+class Belief:
+    """What is believed of a landmark: the probability that it is nothing, and that it is a thing of each word; they sum to 1.
+
+    The word ``ANOTHER`` stands for one that nobody said.
+    """
+
+    nothing: float
+    words: Mapping[str, float]
+
+    @property
+    def best(self) -> str:
+        """The most likely word, the alphabetically first on a tie; "" if none was said."""
+        return min(self.words, key=lambda word: (-self.words[word], word)) if self.words else ""
+
+
+@dataclass(slots=True)
+class _Heard:
+    verdicts: list[Verdict] = field(default_factory=list)
+    right: dict[str, tuple[float, float]] = field(default_factory=dict)  # who -> expected number of right verdicts, number of all
+
+
+class Verdicts:
+    """All verdicts of a run, by landmark."""
+
+    def __init__(self) -> None:
+        """Start with none heard."""
+        self._heard: dict[int, _Heard] = {}
+        self._right: defaultdict[str, float] = defaultdict(float)
+        self._all: defaultdict[str, float] = defaultdict(float)
+
+    def hear(self, landmark_id: int, verdict: Verdict) -> None:
+        """Take a verdict."""
+        self._heard.setdefault(landmark_id, _Heard()).verdicts.append(verdict)
+
+    def of(self, landmark_id: int) -> tuple[Verdict, ...]:
+        """Everything said of a landmark, oldest first."""
+        return tuple(self._heard[landmark_id].verdicts) if landmark_id in self._heard else ()
+
+    def reliability(self, who: str) -> float:
+        """The share of verdicts that a model gets right, as far as this run can tell."""
+        share = (PRIOR_RIGHT + self._right[who]) / (PRIOR_RIGHT + PRIOR_WRONG + self._all[who])
+        return float(np.clip(share, LEAST_RELIABLE, MOST_RELIABLE))
+
+    def merge(self, keep_id: int, drop_id: int) -> None:
+        """Let what was said of the one count for the other, but for denials: a half is hard to recognise."""
+        dropped = self._heard.get(drop_id)
+        if dropped is not None:
+            self.forget(drop_id)
+            self._heard.setdefault(keep_id, _Heard()).verdicts += [v for v in dropped.verdicts if v.kind != "remove"]
+
+    def known(self) -> set[int]:
+        """Ids of landmarks of which something was said."""
+        return set(self._heard)
+
+    def forget(self, landmark_id: int) -> tuple[Verdict, ...]:
+        """Drop what was said of a landmark that left the map, and return it; the models' reliability stays measured."""
+        heard = self._heard.pop(landmark_id, None)
+        return tuple(heard.verdicts) if heard else ()
+
+    def belief(self, landmark_id: int, existence: float, weights: Mapping[str, float]) -> Belief:
+        """Weigh everything.
+
+        Args:
+            landmark_id: whose.
+            existence: probability that it is there, from sightings.
+            weights: word -> summed score of the detections that said it.
+        """
+        heard = self._heard.setdefault(landmark_id, _Heard())
+        named = sorted({w.casefold() for w in weights} | {v.word for v in heard.verdicts if v.kind == "name"} - {""})
+        words = [*named, ANOTHER]
+        there = float(np.clip(existence, 1e-3, 1.0 - 1e-3))
+        log_nothing = max(float(np.log(1.0 - there) - np.log(there)), -SURE_IT_IS)
+        log_words = _log_shares(_detector_says(words, weights))  # given that it is something, whose log odds are 0
+        for verdict, weight in zip(heard.verdicts, _side_weights(heard.verdicts), strict=True):
+            a = self.reliability(verdict.who)
+            log_nothing += weight * np.log(_chance(verdict, None, a))
+            log_words += weight * np.log([_chance(verdict, word, a) for word in words])
+        shares = np.exp(_log_shares(np.append(log_words, log_nothing)))
+        belief = Belief(float(shares[-1]), dict(zip(words, shares[:-1].tolist(), strict=True)))
+        self._learn(heard, belief)
+        return belief
+
+    def _learn(self, heard: _Heard, belief: Belief) -> None:
+        """Count how many verdicts of each model agree with what is believed now; a landmark's count replaces its older one."""
+        for who, (right, number) in heard.right.items():
+            self._right[who] -= right
+            self._all[who] -= number
+        heard.right = {}
+        for verdict in heard.verdicts:
+            right, number = heard.right.get(verdict.who, (0.0, 0.0))
+            heard.right[verdict.who] = (right + _chance_right(verdict, belief), number + 1.0)
+        for who, (right, number) in heard.right.items():
+            self._right[who] += right
+            self._all[who] += number
+
+
+def _chance(verdict: Verdict, word: str | None, a: float) -> float:
+    """Probability of a verdict on a thing of ``word``, or on nothing, by a model that is right with probability ``a``."""
+    wrong = (1.0 - a) / OTHER_VERDICTS
+    match verdict.kind:
+        case "remove":
+            return a if word is None else wrong
+        case "confirm":
+            return a if word == verdict.word else wrong
+        case "doubt":
+            return a if word is not None and word != verdict.word else wrong
+        case "name":
+            return a if word == verdict.word else (1.0 - a) / OTHER_NAMES
+
+
+def _chance_right(verdict: Verdict, belief: Belief) -> float:
+    """Probability that a verdict was right."""
+    named = belief.words.get(verdict.word, 0.0)
+    match verdict.kind:
+        case "remove":
+            return belief.nothing
+        case "doubt":
+            return 1.0 - belief.nothing - named
+        case _:
+            return named
+
+
+def _detector_says(words: list[str], weights: Mapping[str, float]) -> FloatArray:
+    total = sum(weights.values())
+    shares: defaultdict[str, float] = defaultdict(float)
+    for word, weight in weights.items():
+        shares[word.casefold()] += weight / total if total > 0 else 0.0
+    return np.array([DETECTOR_SIDES * shares[word] for word in words], dtype=np.float64)
+
+
+def _side_weights(verdicts: list[Verdict]) -> list[float]:
+    """The first verdict of a model from a side counts whole, the next ones little; of kinds that contradict, each by its share."""
+    number: Counter[tuple[str, bool, int]] = Counter((v.who, v.kind == "name", v.side) for v in verdicts)
+    weights = []
+    for verdict in verdicts:
+        n = number[verdict.who, verdict.kind == "name", verdict.side]
+        weights.append((1.0 + SAME_SIDE * (n - 1)) / n)
+    return weights
+
+
+def _log_shares(log_weights: FloatArray) -> FloatArray:
+    """Log of what each is of their sum."""
+    top = float(log_weights.max())
+    return np.asarray(log_weights - top - np.log(np.exp(log_weights - top).sum()), dtype=np.float64)
