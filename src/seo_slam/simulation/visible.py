@@ -42,8 +42,12 @@ def visibility(thing: Thing, view: View, visible_px: int, smallest_px: float) ->
 
 def octant(thing: Thing, view: View) -> int:
     """Return which of a thing's eight sides (45 degrees each, around its own vertical) the camera is on; it turns with the thing."""
-    x, y = (thing.T_world_thing[:3, :3].T @ (view.T_world_camera[:3, 3] - thing.p_world))[:2]
-    return int(np.floor(np.arctan2(y, x) / (np.pi / 4.0))) % 8
+    return octant_of(thing.T_world_thing[:3, :3].T @ (view.T_world_camera[:3, 3] - thing.p_world))
+
+
+def octant_of(offset: FloatArray) -> int:
+    """Return which of eight directions around z (45 degrees each) an offset (3,) points in."""
+    return int(np.floor(np.arctan2(offset[1], offset[0]) / (np.pi / 4.0))) % 8
 
 
 def _ramp(value: float, low: float, high: float) -> float:
