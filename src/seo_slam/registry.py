@@ -45,7 +45,7 @@ _BUILT_IN: dict[str, dict[str, str]] = {
         "sentence_transformers": "seo_slam.backends.sentence_transformers_embedder:SentenceTransformersEmbedder",
         "hashed": "seo_slam.backends.hashed_embedder:HashedEmbedder",
     },
-    "chat_model": {},
+    "chat_model": {"openai": "seo_slam.backends.openai_chat:OpenAIChat"},
 }
 
 # Import name of an outside package -> how to get it.
