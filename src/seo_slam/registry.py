@@ -29,7 +29,11 @@ _BUILT_IN: dict[str, dict[str, str]] = {
         "two_stage": "seo_slam.association.two_stage:TwoStageAssociator",
         "nearest": "seo_slam.association.nearest:NearestAssociator",
     },
-    "agent": {},
+    "agent": {
+        "verification": "seo_slam.agents.verification:VerificationAgent",
+        "description": "seo_slam.agents.description:DescriptionAgent",
+        "merging": "seo_slam.agents.merging:MergingAgent",
+    },
     "store": {
         "memory": "seo_slam.backends.memory_store:MemoryStore",
         "sqlite": "seo_slam.backends.sqlite_store:SqliteStore",

@@ -24,7 +24,11 @@ _BOXES_WIDE = {"verification": 2.0, "description": 2.5, "merging": 1.7}
 """How much of its surroundings is shown with a thing: the side of a crop in longer sides of its box."""
 
 _LEAST_SHARE = {"verification": 0.1, "description": 0.16, "merging": 0.1}
-"""A crop is at least this share of the frame's width: more magnification shows nothing more."""
+"""A crop is at least this share of the frame's longer side: more magnification shows nothing more."""
+
+
+_SCENE_WIDE, _LEAST_SCENE = 1.3, 0.6
+"""The side of a scene, in longer sides of what is around all its boxes; and at least so much of the frame's height."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,18 +94,19 @@ def row_of(view: AgentView, landmark_id: int) -> int:
 
 def _window(view: AgentView, box_px: FloatArray, kind: str) -> Rect:
     camera = view.frame.camera
-    return window_around(box_px, _BOXES_WIDE[kind], _LEAST_SHARE[kind] * camera.width, camera.width, camera.height)
+    longer = max(camera.width, camera.height)
+    return window_around(box_px, _BOXES_WIDE[kind], _LEAST_SHARE[kind] * longer, longer, camera.width, camera.height)
 
 
 def _scene_window(view: AgentView, boxes_px: Sequence[FloatArray]) -> Rect:
-    """The square as high as the frame around the boxes; the whole frame if they do not fit, or there are none."""
+    """A square around all boxes, with some of the scene; the whole frame if they do not fit into one, or there are none."""
     camera = view.frame.camera
-    side = min(camera.width, camera.height)
+    whole = (0, 0, camera.width, camera.height)
     if not boxes_px:
-        return 0, 0, camera.width, camera.height
+        return whole
     stacked = np.array(boxes_px)
     around = np.concatenate([stacked[:, :2].min(axis=0), stacked[:, 2:].max(axis=0)])
+    side = min(camera.width, camera.height)
     if (around[2:] - around[:2]).max() > side:
-        return 0, 0, camera.width, camera.height
-    middle = 0.5 * (around[:2] + around[2:])
-    return window_around(np.concatenate([middle, middle]), 1.0, side, camera.width, camera.height)
+        return whole
+    return window_around(around, _SCENE_WIDE, _LEAST_SCENE * side, side, camera.width, camera.height)

@@ -99,9 +99,18 @@ class Drawing:
         self.chips.append(chip)
 
 
-def window_around(box_px: FloatArray, times: float, least_px: float, width: int, height: int) -> Rect:
-    """Return a square around a box (4,), ``times`` as wide as its longer side, moved into the image and cut where that is smaller."""
-    side = max(times * float((box_px[2:] - box_px[:2]).max()), least_px)
+def window_around(box_px: FloatArray, times: float, least_px: float, most_px: float, width: int, height: int) -> Rect:
+    """Return a square around a box (4,), moved into an image, and cut where that is smaller.
+
+    Args:
+        box_px: the box.
+        times: how many of its longer sides the square is wide.
+        least_px: the square is at least so wide.
+        most_px: and at most so wide.
+        width: of the image.
+        height: of the image.
+    """
+    side = min(max(times * float((box_px[2:] - box_px[:2]).max()), least_px), most_px)
     across, down = min(round(side), width), min(round(side), height)
     middle = 0.5 * (box_px[:2] + box_px[2:])
     x0 = int(np.clip(round(float(middle[0]) - 0.5 * across), 0, width - across))
