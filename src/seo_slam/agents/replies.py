@@ -1,4 +1,4 @@
-"""What each agent's model is to reply, as types: the form only. What a field means for the map is the agents' business."""
+"""What each agent's model is to reply (SEO-SLAM Fig 5), as types: the form only. What a field means for the map is the agents' business."""
 
 from typing import Annotated, Any
 
@@ -29,13 +29,13 @@ class Verdict(Reply):
 
 
 class Verification(Reply):
-    """The reply to a verification (SEO-SLAM Fig 5, top)."""
+    """A verdict for each box."""
 
     verdicts: tuple[Verdict, ...] = Field(max_length=64)
 
 
 class Description(Reply):
-    """The reply to a description (SEO-SLAM Fig 5, middle). Labels that are both N/A mean that nothing can be recognised."""
+    """What the thing is; both labels N/A: nothing can be recognised."""
 
     matched_label: Words = Field(description="the known label that fits, or N/A")
     generated_label: Words = Field(description="a new label, or N/A")
@@ -50,6 +50,6 @@ class Duplicates(Reply):
 
 
 class Merging(Reply):
-    """The reply to a merging (SEO-SLAM Fig 5, bottom)."""
+    """All groups of duplicates; none if there are none."""
 
     duplicates: tuple[Duplicates, ...] = Field(max_length=64)
