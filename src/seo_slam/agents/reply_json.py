@@ -12,6 +12,7 @@ MOST_STARTS = 32
 """Places at which an object may begin that are tried."""
 
 _FENCE = re.compile(r"```[A-Za-z]{0,10}\s*\n?(.*?)```", re.DOTALL)
+_OBJECT_BEGINS = re.compile(r'\{\s*"')
 _END_OF_THOUGHT = "</think>"
 
 
@@ -21,9 +22,9 @@ def json_objects_in(text: str) -> list[dict[str, Any]]:
     Objects inside objects are not counted. Of a text with ``</think>`` only what comes after it counts. An object with NaN, infinity,
     a key twice or unbounded nesting is none: two readers could read it in two ways.
     """
-    said = text[:MOST_CHARACTERS]
-    said = said.rpartition(_END_OF_THOUGHT)[2].strip()
-    whole = _loaded(said)
+    looked_at = text[:MOST_CHARACTERS].strip()
+    said = looked_at.rpartition(_END_OF_THOUGHT)[2].strip()
+    whole = _loaded(looked_at) or _loaded(said)
     if whole is not None:
         return [whole]
     fenced = [found for body in _FENCE.findall(said)[:MOST_STARTS] if (found := _loaded(body.strip())) is not None]
@@ -40,7 +41,8 @@ def _between_words(text: str) -> Iterator[dict[str, Any]]:
             found, end = _DECODER.raw_decode(text, start)
             yield found  # it begins with a brace: an object
         except (ValueError, RecursionError):
-            pass
+            if _OBJECT_BEGINS.match(text, start):
+                return  # cut off or crooked: what stands inside it is not the reply
         start = text.find("{", end)
 
 
