@@ -7,6 +7,7 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
+from simulated_models import ModelKnobs
 from simulated_runs import KNOBS, VARIANTS, Job
 
 from seo_slam.config import Config
@@ -41,6 +42,9 @@ def add_options(parser: argparse.ArgumentParser, variants: str) -> None:
     parser.add_argument("--size", default="320x240", metavar="WxH", help="of the images")
     parser.add_argument("--renderer", default="auto", choices=("auto", "embree", "primitive"))
     parser.add_argument("--radius", type=float, default=0.2, help="of a match, metres")
+    parser.add_argument("--accuracy", type=float, help="of all simulated models; default: those of the protocol")
+    parser.add_argument("--latency", type=float, default=1.0, help="of the simulated models, recorded seconds")
+    parser.add_argument("--in-flight", type=int, default=8, help="questions to the simulated models at once")
     parser.add_argument("--jobs", type=int, default=2, help="processes")
     parser.add_argument("--out", metavar="DIR", type=Path, help="folder for the result's files")
     parser.add_argument("--cache", metavar="DIR", type=Path, help="folder of drawn frames; default: renders in --out")
@@ -54,11 +58,15 @@ def jobs_from(given: argparse.Namespace) -> list[Job]:
         DatasetError: no meshes in the folder that is named.
     """
     level = require_level(frozen_level() if given.level is None else given.level)
-    for name, value, least in (("jobs", given.jobs, 1), ("frames", given.frames, 2)):
+    for name, value, least in (("jobs", given.jobs, 1), ("frames", given.frames, 2), ("in-flight", given.in_flight, 1)):
         if value < least:
             raise ConfigError(f"--{name}: got {value}, wanted at least {least}")
     if not (math.isfinite(given.radius) and given.radius > 0):
         raise ConfigError(f"--radius: got {given.radius}, wanted a distance above 0, in metres")
+    if given.accuracy is not None and not 0 <= given.accuracy <= 1:
+        raise ConfigError(f"--accuracy: got {given.accuracy}, wanted 0 to 1")
+    if not (math.isfinite(given.latency) and given.latency >= 0):
+        raise ConfigError(f"--latency: got {given.latency}, wanted seconds")
     if given.meshes:
         MeshLibrary(given.meshes)
     cache = given.cache or (given.out / "renders" if given.out else None)
@@ -78,6 +86,7 @@ def jobs_from(given: argparse.Namespace) -> list[Job]:
             renderer=given.renderer,
             cache=None if cache is None else str(cache),
             radius_m=given.radius,
+            models=ModelKnobs(given.accuracy, given.latency, given.in_flight),
         )
         for room in rooms_from(given.rooms)
         for seed in seeds_from(given.seeds)

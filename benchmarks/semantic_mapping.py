@@ -114,6 +114,7 @@ def scored(variant: str, pipeline: Pipeline, recording: SimulatedRecording, trut
         "embedder": result.map.embedder,
         "warnings": dict(result.warnings),
         "events": event_counts(result.events),
+        "agents": result.agents,
         "timeline": recording.truth["timeline"],
     }
     if variant == CEILING_VARIANT:

@@ -15,11 +15,13 @@ import time
 import traceback
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
+from simulated_models import ModelKnobs, asks_models, models_for
 
 from seo_slam import registry
 from seo_slam.backends.recorded_odometry import RecordedOdometry
@@ -37,8 +39,21 @@ from seo_slam.simulation.sensors import SensorKnobs
 from seo_slam.simulation.simulated_recording import SimulatedRecording
 from seo_slam.types import Frame
 
-VARIANTS = {"RG": "rg", "RG+D": "rg_d", "RG+D(cosine)": "rg_d_cosine", "RG+D+L": "seo_slam"}
-"""Name in the paper's way -> preset. R: the detector's words, G: geometry, D: two-stage gate and assignment, L: the life cycle."""
+VARIANTS = {
+    "RG": "rg",
+    "RG+D": "rg_d",
+    "RG+D(cosine)": "rg_d_cosine",
+    "RG+A": "rg_a",
+    "RG+D+A": "rg_d_a",
+    "RG+D+L": "seo_slam_no_agents",
+    "RG+D+L+A": "seo_slam_chat",
+    "RG+D+L+local": "seo_slam",
+}
+"""Name in the paper's way -> preset. R: the detector's words, G: geometry, D: two-stage gate and assignment, A: agents, taken at their
+word; L: the life cycle, with agents behind rails; local: agents that ask no model."""
+
+DRAIN_S = 60.0
+"""Recorded seconds that the last answers have, at the end of a recording."""
 
 KNOBS = {"detector": DetectorKnobs, "sensor": SensorKnobs}
 
@@ -60,6 +75,7 @@ class Job:
         renderer: "auto", "embree" or "primitive".
         cache: folder of drawn frames, or None.
         radius_m: of the match.
+        models: the simulated ones that agents ask.
     """
 
     room: str
@@ -74,6 +90,7 @@ class Job:
     renderer: str = "auto"
     cache: str | None = None
     radius_m: float = 0.2
+    models: ModelKnobs = field(default_factory=ModelKnobs)
 
     @property
     def name(self) -> str:
@@ -176,28 +193,39 @@ def run_variants(
     Returns:
         The pipelines that came to the end, and a failure for each one that did not.
     """
-    running = {
-        name: Pipeline(
-            config,
-            detector=recording.detector,
-            odometry=RecordedOdometry(recording.odometry),
-            embedder=embedder_of(config.embedder.model_dump_json()),
-        )
-        for name, config in job.variants.items()
-    }
-    failures = []
-    for frame in frames_for(recording, job.variants.values()):
-        for name, pipeline in list(running.items()):
-            try:
-                step = pipeline.step(frame)
-                if on_keyframe and step.is_keyframe:
-                    on_keyframe(name, pipeline, frame, step)
-            except Exception as error:  # noqa: BLE001  # a part under test may raise anything; the other variants go on
-                failures.append(Failure.of(job, error, name))
-                running.pop(name).close()
-    for pipeline in running.values():
-        pipeline.close()
+    failures: list[Failure] = []
+    with models_for(recording, job.variants, job.models) as variants:
+        running = {
+            name: Pipeline(
+                config,
+                detector=recording.detector,
+                odometry=RecordedOdometry(recording.odometry),
+                embedder=embedder_of(config.embedder.model_dump_json()),
+            )
+            for name, config in variants.items()
+        }
+        for frame in frames_for(recording, variants.values()):
+            for name in list(running):
+                with failing(running, name, job, failures):
+                    step = running[name].step(frame)
+                    if on_keyframe and step.is_keyframe:
+                        on_keyframe(name, running[name], frame, step)
+        for name in list(running):
+            with failing(running, name, job, failures):
+                running[name].drain(DRAIN_S)
+        for pipeline in running.values():
+            pipeline.close()
     return running, failures
+
+
+@contextmanager
+def failing(running: dict[str, Pipeline], name: str, job: Job, failures: list[Failure]) -> Iterator[None]:
+    """Let a variant that raises drop out; the others go on."""
+    try:
+        yield
+    except Exception as error:  # noqa: BLE001  # a part under test may raise anything
+        failures.append(Failure.of(job, error, name))
+        running.pop(name).close()
 
 
 @functools.cache
@@ -274,6 +302,7 @@ def settings_of(jobs: Sequence[Job]) -> dict[str, Any]:
         "scene_changes": job.changes,
         "shapes": "meshes" if job.meshes else "primitives",
         "radius_m": job.radius_m,
+        "models": job.models.as_dict() if any(map(asks_models, job.variants.values())) else None,
         "settings": {name: config.model_dump(mode="json") for name, config in job.variants.items()},
         "versions": versions(),
         "commit": commit(),
