@@ -99,7 +99,7 @@ class SqliteStore:
 
     def _edits(self, which: str, parameters: rows.Row) -> tuple[EditRecord, ...]:
         found = self._db.execute(f"SELECT {edit_rows.EDIT_COLUMNS} FROM edit {which}", parameters).fetchall()
-        vectors = {}
+        vectors: dict[int, FloatArray] = {}
         for number in sorted(edit_rows.embedding_ids(found)):
             vectors |= rows.read_vectors(self._db, "WHERE id = ?", (number,))
         return tuple(edit_rows.edit_from(row, vectors) for row in found)
