@@ -110,6 +110,7 @@ class RunnerSettings(Settings):
     queue: int = Field(64, ge=1, description="questions waiting; beyond it those about the oldest views are dropped")
     view_period_s: float = Field(0.5, ge=0, description="least time between two views that agents are shown")
     latency_s: float = Field(1.0, ge=0, description="virtual: seconds from question to answer")
+    drain_s: float = Field(30.0, ge=0, description="at the end of a recording the last answers are waited for at most so long")
     shutdown_s: float = Field(1.0, gt=0, description="closing waits at most so long for the thread to end")
 
 
@@ -239,14 +240,15 @@ def chat_agents(verification: Mapping[str, Any], others: Mapping[str, Any] | Non
 
 _CHAT = {"agents": chat_agents({"model": "gpt-4o-mini"}, {"model": "gpt-4o"}), "runner": {"mode": "background"}}
 
-_LOCAL: dict[str, Any] = {"agents": []}
+LOCAL_AGENTS: tuple[dict[str, Any], ...] = ()
+"""The agents of the default: they need no key and no network."""
 
 _AS_PROPOSED = {"edits": {"rails": False}}
 
 _NEAREST = {"associator": {"name": "nearest"}}
 
 PRESETS: dict[str, dict[str, Any]] = {
-    "seo_slam": _LOCAL,
+    "seo_slam": {"agents": list(LOCAL_AGENTS)},
     "seo_slam_chat": _CHAT,
     "seo_slam_no_agents": {"agents": []},
     "rg": _PAPER | _NEAREST,

@@ -181,12 +181,14 @@ class Pipeline:
         """Apply what agents have answered since the last frame, when no frame comes; waits for nothing."""
         return self._amend(self._agents.poll(self._keyframe_id, self._last_stamp_s)) if self._path else ()
 
-    def drain(self, timeout_s: float = 30.0) -> tuple[EditRecord, ...]:
-        """Wait for the agents' last answers, at most so long (recorded seconds where time is virtual), and apply them.
+    def drain(self, timeout_s: float | None = None) -> tuple[EditRecord, ...]:
+        """Wait for the agents' last answers and apply them; to be called at the end of a recording, before ``result``.
 
-        To be called at the end of a recording, before ``result``.
+        Args:
+            timeout_s: at most so long (recorded seconds where time is virtual); None: ``runner.drain_s``.
         """
-        return self._amend(self._agents.drain(timeout_s, self._keyframe_id, self._last_stamp_s)) if self._path else ()
+        longest_s = self.config.runner.drain_s if timeout_s is None else timeout_s
+        return self._amend(self._agents.drain(longest_s, self._keyframe_id, self._last_stamp_s)) if self._path else ()
 
     def _amend(self, judged: Judged) -> tuple[EditRecord, ...]:
         """Keep what agents changed between keyframes."""

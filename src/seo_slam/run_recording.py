@@ -86,6 +86,9 @@ def run_recording(
         finally:
             if detections is not None:
                 detections.close()
+        if complete:
+            with pipeline.clock.stage("drain"):
+                pipeline.drain()
         result = pipeline.result()
         settings = pipeline.config.model_dump(mode="json") if config is None else config
         run = describe_run(result, dataset=dataset, config=settings, complete=complete)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from seo_slam.cli.agents import with_agents
 from seo_slam.cli.progress import with_progress
 from seo_slam.config import Component, Config, read_settings
 from seo_slam.errors import ConfigError
@@ -37,6 +38,10 @@ def run(
     ] = None,
     camera: Annotated[Path | None, typer.Option(help="camera.json with the intrinsics.")] = None,
     fps: Annotated[float | None, typer.Option(min=0.01, help="Frame rate of a plain folder whose images are only numbered.")] = None,
+    agents: Annotated[str | None, typer.Option(help="local, chat (language models that see images; --chat-model) or none.")] = None,
+    chat_model: Annotated[str | None, typer.Option(help="Model that the agents ask; --agents chat.")] = None,
+    chat_url: Annotated[str | None, typer.Option(help="OpenAI-compatible server, up to /v1; default: OpenAI.")] = None,
+    key_env: Annotated[str | None, typer.Option(help="Environment variable that holds the server's key.")] = None,
     settings: Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help=_HELP_SET)] = None,
     max_frames: Annotated[int | None, typer.Option(min=1, help="Read at most so many frames.")] = None,
     stride: Annotated[int, typer.Option(min=1, help="Read every so many-th frame.")] = 1,
@@ -53,7 +58,7 @@ def run(
     from seo_slam.run_files import prepare_folder
     from seo_slam.run_recording import run_recording
 
-    chosen = _settings(preset, config, settings or [])
+    chosen = with_agents(_settings(preset, config, settings or []), agents, chat_model, chat_url, key_env)
     options: dict[str, Any] = {"camera_file": camera, "trajectory_file": trajectory, "skip_broken": skip_broken, "fps": fps}
     recording = open_dataset(dataset, path, stride=stride, max_frames=max_frames, **options)
     for warning in recording.warnings:

@@ -1,0 +1,39 @@
+"""Which agents a run has, from the words of a command line."""
+
+from typing import Any
+
+from seo_slam.config import LOCAL_AGENTS, Config, chat_agents
+from seo_slam.errors import ConfigError
+
+KINDS = ("local", "chat", "none")
+
+
+def with_agents(config: Config, kind: str | None, model: str | None, url: str | None, key_env: str | None) -> Config:
+    """Return settings with the agents that were asked for.
+
+    Args:
+        config: what preset and file say; kept where nothing is asked for.
+        kind: "local", "chat" or "none"; naming a model means "chat".
+        model: name of the chat model of all three agents.
+        url: of its server.
+        key_env: variable that holds its key.
+
+    Raises:
+        ConfigError: another kind, or words that do not go together.
+    """
+    named = [option for option, value in (("--chat-model", model), ("--chat-url", url), ("--key-env", key_env)) if value is not None]
+    if kind is None and model is not None:
+        kind = "chat"
+    if kind is not None and kind not in KINDS:
+        raise ConfigError(f"--agents: got {kind!r}, wanted {', '.join(KINDS)}")
+    if named and kind != "chat":
+        raise ConfigError(f"{named[0]} goes with --agents chat, got --agents {kind or 'nothing'}")
+    if kind is None:
+        return config
+    if kind == "chat" and model is None:
+        raise ConfigError("--agents chat needs --chat-model NAME (or give --preset seo_slam_chat, or agents in a config file)")
+    options: dict[str, Any] = {"model": model}
+    options |= {key: value for key, value in (("base_url", url), ("api_key_env", key_env)) if value is not None}
+    chosen = {"local": list(LOCAL_AGENTS), "chat": chat_agents(options), "none": []}[kind]
+    mode = {"runner": {"mode": "background"}} if kind == "chat" and config.runner.mode == "inline" else {}
+    return config.updated({"agents": chosen, **mode}, f"--agents {kind}")
