@@ -15,7 +15,7 @@ class WireRequest:
     """What came over the wire.
 
     Attributes:
-        chat: the question, in the form in which a chat model is asked.
+        chat: the question, in the form in which a chat model is asked. Where any JSON object will do, its schema is ``{"type": "object"}``.
         model: that was asked for.
         format: "json_schema", "json_object", or "text".
     """
@@ -103,8 +103,10 @@ def _format(asked: Any) -> tuple[str, str, dict[str, Any] | None]:
     if asked is None:
         return "text", "reply", None
     kind = asked.get("type") if isinstance(asked, dict) else None
-    if kind in ("text", "json_object"):
-        return str(kind), "reply", None
+    if kind == "text":
+        return "text", "reply", None
+    if kind == "json_object":
+        return "json_object", "reply", {"type": "object"}
     described = asked.get("json_schema") if kind == "json_schema" else None
     if not isinstance(described, dict) or not isinstance(described.get("schema"), dict):
         raise BadHttp(400, "response_format is none of text, json_object, json_schema with a schema")
