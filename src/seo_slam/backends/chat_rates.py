@@ -110,14 +110,17 @@ class Pacer:
         self._lock = threading.Lock()
         self._turn: PerLoop[asyncio.Lock] = PerLoop(asyncio.Lock)
 
-    async def enter(self, tokens: float) -> Place:
-        """Wait until a request of about so many tokens may be sent."""
+    async def enter(self, tokens: float, most_tokens: float = 0.0) -> Place:
+        """Wait until a request of about ``tokens`` may be sent.
+
+        ``most_tokens`` is what it could come to: a server lets it in only if that fits, too, and counts afterwards what it was.
+        """
         if self._quotas == (None, None):
             return Place(self, (), 0.0)
         began_s = self._clock()
         async with self._turn.here():
             while True:
-                wait_s, sent = self._try((1.0, tokens))
+                wait_s, sent = self._try((1.0, tokens), (1.0, max(tokens, most_tokens)))
                 if sent is not None:
                     return Place(self, sent, self._clock() - began_s)
                 await self._sleep(min(wait_s, self._nap_s))  # a nap: tokens given back meanwhile make the wait shorter
@@ -129,11 +132,11 @@ class Pacer:
             for (quota, amount), entry in zip(given, sent, strict=False):
                 quota.correct(entry, amount)
 
-    def _try(self, amounts: tuple[float, float]) -> tuple[float, tuple[_Sent, ...] | None]:
+    def _try(self, amounts: tuple[float, float], most: tuple[float, float]) -> tuple[float, tuple[_Sent, ...] | None]:
         with self._lock:
             now_s = self._clock()
-            given = [(quota, amount) for quota, amount in zip(self._quotas, amounts, strict=True) if quota is not None]
-            wait_s = max(quota.wait_s(amount, now_s) for quota, amount in given)
+            given = list(zip(self._quotas, amounts, most, strict=True))
+            wait_s = max(quota.wait_s(at_most, now_s) for quota, _, at_most in given if quota is not None)
             if wait_s > _SOON_S:
                 return wait_s, None
-            return 0.0, tuple(quota.take(amount, now_s) for quota, amount in given)
+            return 0.0, tuple(quota.take(amount, now_s) for quota, amount, _ in given if quota is not None)

@@ -24,6 +24,7 @@ from seo_slam.testing.chat_faults import WrongJson as WrongJson
 from seo_slam.testing.chat_limits import Seen as Seen
 from seo_slam.testing.chat_limits import most_requests as most_requests
 from seo_slam.testing.chat_limits import most_tokens as most_tokens
+from seo_slam.testing.chat_model import check_chat_model as check_chat_model
 from seo_slam.testing.chat_server import ChatServer as ChatServer
 from seo_slam.testing.detector import check_detector as check_detector
 from seo_slam.testing.embedder import check_embedder as check_embedder
