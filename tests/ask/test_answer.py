@@ -237,6 +237,7 @@ HOSTILE = {
     "a negative id": reply("Take it.", -1),
     "an id as text": {"answer": "Take it.", "landmarks": [{"id": "1; DROP TABLE landmarks", "why": ""}]},
     "coordinates instead of an id": {"answer": "Take it.", "landmarks": [{"id": [-0.32, -0.48, 0.04], "why": ""}]},
+    "an unknown id with a hidden character": reply("Take the boot (\u200b7).", 1),
     "a position where nothing is": reply("The boot (1) is at (1.50, 2.00, 0.30).", 1),
     "a position in the reason": reply("Take the boot (1).", 1, why="it lies at x = 3.2"),
     "a length that is not in the map": reply("The boot (1) is 7.5 metres away.", 1),
@@ -298,9 +299,15 @@ def test_hostile_labels_are_data():
 
 
 def test_the_models_text_cannot_steer_a_terminal(room):
-    answer = ask(room, HIKING, Scripted(reply("Take \x1b[31mthis\u202e (1).\nIt is good.", 1, why="\x1b[2Jgrip")))
+    answer = ask(room, HIKING, Scripted(reply("Take \x1b[31mthis\u202e (1).\nIt is good.", 1, why="\x1b[2Jgrip\n- and more")))
     assert answer.text.splitlines()[:2] == ["Take [31mthis (1).", "It is good."]
+    assert answer.reasons == {1: "[2Jgrip - and more"}
     assert "\x1b" not in answer.text
+
+
+def test_spaces_of_other_kinds_become_spaces(room):
+    answer = ask(room, HIKING, Scripted(reply("Oui\u202f: 0,04\u00a0?\r\n\tLe brun\u2028(1).")))
+    assert answer.text.splitlines()[:2] == ["Oui : 0,04 ?", " Le brun (1)."]
 
 
 def test_it_works_inside_a_running_loop_and_leaves_no_thread(room):

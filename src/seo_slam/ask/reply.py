@@ -58,7 +58,8 @@ class _Referee:
         if unknown:
             return f"it names landmark {unknown[0]!s:.40}, which was not given (ids: {', '.join(map(str, self.given))})"
         positions_m = {i: row.position_m for i, row in self.given.items()}
-        faults = (fault_in(text, positions_m, self.lengths_m) for text in (reply.answer, *(row.why for row in reply.landmarks)))
+        texts = (tidy(text) for text in (reply.answer, *(row.why for row in reply.landmarks)))  # as they will be read
+        faults = (fault_in(text, positions_m, self.lengths_m) for text in texts)
         return next((fault for fault in faults if fault), "")
 
 
@@ -93,13 +94,14 @@ def cited_ids(reply: MapReply, known: Sequence[int]) -> dict[int, str]:
     """Id -> why, "" for those that only the text names; in the order of the reply."""
     whys: dict[int, str] = {}
     for row in reply.landmarks:
-        whys.setdefault(row.id, tidy(row.why))
-    return whys | {i: "" for i in ids_in(reply.answer, known) if i not in whys}
+        whys.setdefault(row.id, " ".join(tidy(row.why).split()))
+    return whys | {i: "" for i in ids_in(tidy(reply.answer), known) if i not in whys}
 
 
 def tidy(text: str) -> str:
-    """Text of a model without characters that could steer a terminal or hide; line ends stay."""
-    return "\n".join(line.rstrip() for line in "".join(c for c in text if c == "\n" or c.isprintable()).strip().split("\n"))
+    """Text of a model without characters that could steer a terminal or hide; line ends stay, other white space becomes spaces."""
+    shown = "".join(c if c == "\n" or c.isprintable() else " " if c.isspace() else "" for c in text)
+    return "\n".join(line.rstrip() for line in shown.strip().split("\n"))
 
 
 def _as_data(landmark: Landmark, map_: Map) -> dict[str, Any]:
