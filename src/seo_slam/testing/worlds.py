@@ -6,6 +6,7 @@ import numpy as np
 
 from seo_slam.camera import Camera
 from seo_slam.geometry import FloatArray, exp, inverse, transform_points
+from seo_slam.interfaces import AgentView
 from seo_slam.types import Frame, Landmark, Landmarks, Observations
 
 TINY_CAMERA = Camera(fx=260.0, fy=260.0, cx=159.5, cy=119.5, width=320, height=240)
@@ -110,6 +111,12 @@ def tiny_boxes(landmarks: Landmarks, T_world_camera: FloatArray = T_WORLD_FIRST)
     """Return the box (4,) in pixels of each landmark as seen by a tiny camera."""
     boxes_px = tiny_observations(landmarks.p_world, (None,) * len(landmarks), T_world_camera).boxes_px
     return {int(i): box for i, box in zip(landmarks.ids, boxes_px, strict=True)}
+
+
+def tiny_view(asked: tuple[int, ...] = ()) -> AgentView:
+    """Return what an agent is shown of the tiny landmarks by the first tiny camera; ``asked`` as in ``AgentView``."""
+    landmarks = tiny_landmarks()
+    return AgentView(tiny_frames(1)[0], T_WORLD_FIRST, landmarks, tiny_boxes(landmarks), asked=asked)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
