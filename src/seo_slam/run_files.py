@@ -63,7 +63,7 @@ def write_result(folder: Path, result: RunResult, run: Mapping[str, Any]) -> Non
 
 
 def describe_run(result: RunResult, *, dataset: str, config: Mapping[str, Any], complete: bool) -> dict[str, Any]:
-    """Return the content of run.json: counts, seconds a stage, peak memory, versions, configuration, seeds.
+    """Return the content of run.json: counts, seconds a stage, what agents did, peak memory, versions, configuration, seeds.
 
     Args:
         result: of the run.
@@ -90,6 +90,7 @@ def describe_run(result: RunResult, *, dataset: str, config: Mapping[str, Any], 
             {"keyframe": k, "kind": e.kind, "landmark": e.landmark_id, "detail": e.detail, "source": e.source, "other": e.other_id}
             for k, e in result.events
         ],
+        **({"agents": dict(result.agents)} if result.agents else {}),
         "peak_memory_mb": peak_memory_mb(),
         "embedder": result.map.embedder,
         "versions": versions(),

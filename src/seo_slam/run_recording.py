@@ -88,7 +88,7 @@ def run_recording(
                 detections.close()
         if complete:
             with pipeline.clock.stage("drain"):
-                pipeline.drain()
+                seen.observe_edits(pipeline.drain())
         result = pipeline.result()
         settings = pipeline.config.model_dump(mode="json") if config is None else config
         run = describe_run(result, dataset=dataset, config=settings, complete=complete)

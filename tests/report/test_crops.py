@@ -4,7 +4,8 @@ import pytest
 from made_up_desk import CAMERA, painted_frame, step
 
 from seo_slam.records import MapEvent, StepResult
-from seo_slam.report.crops import ReportRecorder, crop_value
+from seo_slam.report.crop import crop_value
+from seo_slam.report.crops import ReportRecorder
 from seo_slam.report.life_history import life_line
 from seo_slam.types import REJECTED
 

@@ -1,43 +1,20 @@
 """Collects, while a pipeline runs, what the report shows of each landmark: its best picture and what it was called when."""
 
 from collections import Counter, deque
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 
-import cv2
 import numpy as np
 
-from seo_slam.geometry import FloatArray
-from seo_slam.records import MapEvent, StepResult
+from seo_slam.records import EditRecord, MapEvent, StepResult
+from seo_slam.report.crop import Crop, crop_value, cut_crop
+from seo_slam.report.edit_log import EditLog, event_of
 from seo_slam.report.label_history import LabelHistory, LabelRun
 from seo_slam.types import Frame
 
-LONGER_SIDE_PX = 160
-_JPEG_QUALITY = 82
-_PADDING_SHARE = 0.12
 _MOST_LIFE_EVENTS = 64
 _SURE = frozenset({"stable", "lost", "found", "moved"})  # what happens to a landmark only once it was stable
 _THERE = frozenset({"created", "stable", "found", "moved"})
-_HALF_VALUE_AREA_SHARE = 0.01  # a box of 1 % of the image is worth half of a very large one
-
-
-@dataclass(frozen=True, slots=True)
-class Crop:
-    """A picture of one object.
-
-    Attributes:
-        jpeg: the file's bytes, at most 160 px on the longer side.
-        width_px, height_px: of the picture.
-        box_share: left, top, right, bottom of the object's box, as shares (0..1) of the picture's width and height.
-        timestamp_s: stamp of the frame it was cut from.
-        value: how good it is, see ``crop_value``.
-    """
-
-    jpeg: bytes
-    width_px: int
-    height_px: int
-    box_share: tuple[float, float, float, float]
-    timestamp_s: float
-    value: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,36 +37,6 @@ class _Seen:
     is_gone: bool = False
 
 
-def crop_value(score: float, truncated_sides: int, box_area_px: float, image_area_px: float) -> float:
-    """How well a box shows its object: score x visibility, in [0, 1).
-
-    Visibility halves with every side cut by the image border, and grows with the box's area towards 1.
-    """
-    area = box_area_px / (box_area_px + _HALF_VALUE_AREA_SHARE * image_area_px)
-    return float(score * 0.5**truncated_sides * area)
-
-
-def cut_crop(frame: Frame, box_px: FloatArray, value: float) -> Crop | None:
-    """Cut a box (4,) with some padding out of the image and compress it; None if nothing of it lies in the image."""
-    height, width = frame.rgb.shape[:2]
-    pad = 4.0 + _PADDING_SHARE * max(box_px[2] - box_px[0], box_px[3] - box_px[1])
-    x0, y0 = max(int(box_px[0] - pad), 0), max(int(box_px[1] - pad), 0)
-    x1, y1 = min(int(np.ceil(box_px[2] + pad)), width), min(int(np.ceil(box_px[3] + pad)), height)
-    if x1 - x0 < 2 or y1 - y0 < 2:
-        return None
-    image = frame.rgb[y0:y1, x0:x1]
-    shrink = LONGER_SIDE_PX / max(x1 - x0, y1 - y0)
-    if shrink < 1.0:
-        size = (max(round((x1 - x0) * shrink), 1), max(round((y1 - y0) * shrink), 1))
-        image = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
-    ok, jpeg = cv2.imencode(".jpg", cv2.cvtColor(image, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])
-    if not ok:
-        return None
-    share = (box_px - np.array([x0, y0, x0, y0])) / np.array([x1 - x0, y1 - y0, x1 - x0, y1 - y0])
-    left, top, right, bottom = (float(s) for s in np.clip(share, 0.0, 1.0))
-    return Crop(jpeg.tobytes(), image.shape[1], image.shape[0], (left, top, right, bottom), frame.timestamp_s, value)
-
-
 class ReportRecorder:
     """Watches a run, a keyframe at a time, for ``write_report``.
 
@@ -110,6 +57,7 @@ class ReportRecorder:
         self._merged_into: dict[int, int] = {}
         self._events: deque[RecordedEvent] = deque(maxlen=max_events)
         self._event_counts: Counter[str] = Counter()
+        self._edits = EditLog(self.crop)
 
     @property
     def events(self) -> tuple[RecordedEvent, ...]:
@@ -142,6 +90,11 @@ class ReportRecorder:
         return tuple(seen.life) if seen else ()
 
     @property
+    def edits(self) -> EditLog:
+        """What agents proposed and what became of it."""
+        return self._edits
+
+    @property
     def gone(self) -> tuple[int, ...]:
         """Ids of landmarks that were stable once and were removed, by rising id. Their picture and history stay."""
         return tuple(sorted(landmark_id for landmark_id, seen in self._seen.items() if seen.is_gone))
@@ -163,8 +116,17 @@ class ReportRecorder:
                 value = crop_value(float(observations.scores[row]), int(sides[row]), float(areas[row]), image_area)
                 if seen.crop is None or value > self._margin * seen.crop.value:
                     self._keep(seen, cut_crop(frame, observations.boxes_px[row], value))
+        self._edits.note(step.edits)  # first: they show things as they were
         for event in step.events:
-            self._follow(event, step)
+            self._follow(RecordedEvent(step.timestamp_s, step.keyframe_id, event))
+
+    def observe_edits(self, edits: Iterable[EditRecord]) -> None:
+        """Take in edits that came between frames or after the last one, and what they did to the landmarks."""
+        for edit in edits:
+            self._edits.note([edit])
+            event = event_of(edit)
+            if event is not None:
+                self._follow(RecordedEvent(edit.timestamp_s, edit.keyframe_id, event))
 
     def _keep(self, seen: _Seen, crop: Crop | None) -> None:
         if crop is None:
@@ -184,8 +146,8 @@ class ReportRecorder:
         self._bytes -= len(seen.crop.jpeg) if seen.crop else 0
         seen.crop = None
 
-    def _follow(self, event: MapEvent, step: StepResult) -> None:
-        recorded = RecordedEvent(step.timestamp_s, step.keyframe_id, event)
+    def _follow(self, recorded: RecordedEvent) -> None:
+        event = recorded.event
         self._events.append(recorded)
         self._event_counts[event.kind] += 1
         if event.kind == "merged" and event.other_id is not None:

@@ -1,6 +1,6 @@
 """Writes the report of a run: one HTML file that needs no network and no other file."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -9,6 +9,7 @@ import numpy as np
 from seo_slam.records import Trajectory
 from seo_slam.report import sections
 from seo_slam.report.crops import ReportRecorder
+from seo_slam.report.edit_section import counts_of, edit_section
 from seo_slam.report.escaping import escaped
 from seo_slam.report.landmark_table import LabelColours, TableContext, gone_table, landmark_table, last_name, sigma_m
 from seo_slam.report.map_svg import NARROW, WIDE, Scene, make_scene, render_map
@@ -80,6 +81,7 @@ def render_report(*, map: ReportedMap, trajectory: Trajectory, recorder: ReportR
         sections.facts_tiles(facts, counts, duration_s, length_m),
         _map_section(scene, context.colours, len(tentative)),
         _landmark_section(stable, tentative, context),
+        *_edits(facts, recorder, start_s, ids),
         section("times", "Time per stage", sections.stage_bars(facts.stages)),
         section("warnings", "Warnings", sections.warning_list(facts.warnings)),
         section("events", "Events of the map", sections.event_list(facts.event_counts, facts.events, start_s, ids)),
@@ -87,6 +89,21 @@ def render_report(*, map: ReportedMap, trajectory: Trajectory, recorder: ReportR
     )
     data = _page_data(map, trajectory, context, facts, scene, {"duration_s": duration_s, "path_length_m": length_m})
     return document(f"{name}: map of things", "".join(main), data)
+
+
+def _edits(facts: RunFacts, recorder: ReportRecorder | None, start_s: float, ids: Set[str]) -> tuple[str, ...]:
+    """The section of a run that had agents; nothing for others."""
+    log = recorder.edits if recorder else None
+    counts = _edit_counts(facts, recorder)
+    if not counts and not facts.agents:
+        return ()
+    asked = {key: value for key, value in facts.agents.items() if key != "edits"}
+    return (section("edits", "Edits by agents", edit_section(log, counts, asked, start_s, ids)),)
+
+
+def _edit_counts(facts: RunFacts, recorder: ReportRecorder | None) -> dict[tuple[str, str, str], int]:
+    """Agent, kind and outcome -> number, as the run counted them, else as the recorder saw them."""
+    return counts_of(facts.agents) or (recorder.edits.counts if recorder else {})
 
 
 def _time_span(trajectory: Trajectory, landmarks: Sequence[Landmark]) -> tuple[float, float]:
@@ -151,6 +168,7 @@ def _landmark_data(m: Landmark, context: TableContext) -> dict[str, Any]:
     return {
         "id": m.id,
         "label": m.label,
+        "category": m.category,
         "labels": dict(m.labels),
         "position_m": m.position_m,
         "sigma_m": sigma_m(m),
@@ -202,6 +220,10 @@ def _page_data(
         "seconds_per_stage": {s.name: {"p50": s.p50_s, "p95": s.p95_s, "max": s.max_s} for s in facts.stages},
         "warnings": [{"message": message, "count": count} for message, count in facts.warnings.items()],
         "events": facts.event_counts,
+        "edits": [
+            {"agent": agent, "kind": kind, "outcome": outcome, "number": n}
+            for (agent, kind, outcome), n in sorted(_edit_counts(facts, context.recorder).items())
+        ],
         "peak_memory_mb": facts.peak_memory_mb,
         "complete": facts.complete,
     }

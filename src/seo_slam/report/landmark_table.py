@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from seo_slam.report.crops import Crop, ReportRecorder
+from seo_slam.report.crop import Crop
+from seo_slam.report.crops import ReportRecorder
 from seo_slam.report.escaping import clean_text, escaped
 from seo_slam.report.label_history import LabelRun
 from seo_slam.report.life_history import away_spans, life_line
@@ -101,9 +102,13 @@ def _row(m: Landmark, context: TableContext) -> str:
     }
     data = "".join(f' data-{key}="{escaped(value)}"' for key, value in keys.items())
     cells = (
-        ("picture", "", _picture(crop, m.id, m.label)),
+        ("picture", "", picture(crop, m.id, m.label)),
         ("id num", "id", f'<a href="#map" data-show="{m.id}">#{m.id}</a>'),
-        ("label", "label", f'<b class="{colour}"><i class="swatch"></i>{escaped(m.label) or "unnamed"}</b>{_distribution(m)}'),
+        (
+            "label",
+            "label",
+            f'<b class="{colour}"><i class="swatch"></i>{escaped(m.label) or "unnamed"}</b>{_category(m)}{_distribution(m)}',
+        ),
         ("num xyz", "at", position),
         ("num", "sigma", f'<span title="along x, y, z: {axes} mm">{_length(sigma)}</span>'),
         ("num", "size", " × ".join(f"{100 * s:.0f}" for s in m.size_m)),
@@ -129,7 +134,8 @@ def _probability(share: float) -> str:
     return "&lt; 1 %" if 0.0 < share < 0.005 else f"{100 * share:.0f} %"
 
 
-def _picture(crop: Crop | None, landmark_id: int, label: str) -> str:
+def picture(crop: Crop | None, landmark_id: int, label: str) -> str:
+    """Return the picture of a landmark with the frame of its box, as HTML."""
     if crop is None:
         return '<div class="crop empty">no picture</div>'
     data = base64.b64encode(crop.jpeg).decode("ascii")
@@ -140,6 +146,10 @@ def _picture(crop: Crop | None, landmark_id: int, label: str) -> str:
         f'<div class="crop"><span><img src="data:image/jpeg;base64,{data}" width="{crop.width_px}" height="{crop.height_px}" '
         f'alt="{name}" title="{name}"><i style="{frame}"></i></span></div>'
     )
+
+
+def _category(m: Landmark) -> str:
+    return f'<small class="category">{escaped(m.category, 40)}</small>' if m.category and m.category != m.label else ""
 
 
 def _distribution(m: Landmark) -> str:
@@ -176,10 +186,10 @@ def last_name(landmark_id: int, recorder: ReportRecorder) -> str:
 def _gone_row(landmark_id: int, recorder: ReportRecorder, context: TableContext) -> str:
     label = last_name(landmark_id, recorder)
     colour = context.colours.css_class(label)
-    picture = _picture(recorder.crop(landmark_id), landmark_id, label)
+    best = picture(recorder.crop(landmark_id), landmark_id, label)
     return (
         f'<tr id="landmark-{landmark_id}" class="gone" data-id="{landmark_id}" data-label="{escaped(label)}">'
-        f'<td class="picture">{picture}</td>'
+        f'<td class="picture">{best}</td>'
         f'<td class="id num" data-name="id">#{landmark_id}</td><td class="label" data-name="label"><b class="{colour}">'
         f'<i class="swatch"></i>{escaped(label) or "unnamed"}</b></td>'
         f'<td class="history" data-name="called">{_history(landmark_id, context)}</td></tr>'

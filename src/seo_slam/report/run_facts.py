@@ -15,6 +15,7 @@ _KNOWN = {
     "seconds_per_stage",
     "warnings",
     "events",
+    "agents",
     "versions",
     "config",
     "peak_memory_mb",
@@ -58,6 +59,7 @@ class RunFacts:
         warnings: message -> how often, the commonest first.
         event_counts: kind -> how often.
         events: the newest ones, oldest first.
+        agents: how often agents were asked and what became of their proposals, made plain; empty if there were none.
         versions: package -> version.
         config, rest: as given, made plain; ``rest`` is what has no place of its own.
         peak_memory_mb: None if unknown.
@@ -70,6 +72,7 @@ class RunFacts:
     warnings: dict[str, int]
     event_counts: dict[str, int]
     events: tuple[EventLine, ...]
+    agents: dict[str, Any]
     versions: dict[str, str]
     config: dict[str, Any]
     rest: dict[str, Any]
@@ -96,6 +99,7 @@ def read_run(run: Mapping[str, Any], recorder: ReportRecorder | None) -> RunFact
         warnings=_warnings(run.get("warnings")),
         event_counts=event_counts,
         events=events,
+        agents=plain(_mapping(run, "agents")),
         versions={clean_text(key): clean_text(value) for key, value in _mapping(run, "versions").items()},
         config=plain(_mapping(run, "config")),
         rest=plain({key: value for key, value in run.items() if key not in _KNOWN}),
