@@ -8,6 +8,7 @@ as one JSON object.
 
 import argparse
 import asyncio
+import contextlib
 import dataclasses
 import json
 from collections.abc import Callable, Iterable
@@ -128,7 +129,8 @@ def _asked(view: AgentView, ids: Iterable[int]) -> AgentView:
 
 def _write(name: str, agent: Callable[..., ChatAgent], view: AgentView, folder: Path) -> dict[str, Any]:
     chat = Overheard()
-    asyncio.run(agent(chat).propose(view))
+    with contextlib.suppress(ChatReplyError):
+        asyncio.run(agent(chat).propose(view))
     request = chat.requests[0]
     for number, image in enumerate(request.images, start=1):
         (folder / f"{name}_{number}.jpg").write_bytes(_for_a_page(image))

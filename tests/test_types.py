@@ -168,3 +168,15 @@ def test_a_trajectory_rises():
 
 def test_tiny_frames_are_frames():
     assert [one.index for one in tiny_frames(3)] == [0, 1, 2]
+
+
+def test_a_landmark_is_called_what_an_agent_said_or_its_heaviest_word():
+    rows = tiny_landmarks()
+    named = replace(rows, names=("red cup", "", "book", "book"), categories=("cup", "", "", ""))
+    bare = replace(rows, names=(), categories=())
+    assert [named.name_of(k) for k in range(4)] == ["red cup", "keyboard", "book", "book"]
+    assert [bare.name_of(k) for k in range(4)] == ["cup", "keyboard", "book", "book"]
+    assert (named.category_of(0), bare.category_of(0)) == ("cup", "")
+    chosen = np.array([2, 0])
+    assert [named[chosen].name_of(k) for k in range(2)] == ["book", "red cup"]
+    assert [bare[chosen].name_of(k) for k in range(2)] == ["book", "cup"]
