@@ -1,4 +1,4 @@
-"""Asks a chat model for a reply of a given type: validate, one repair turn, then abstain."""
+"""Asks a chat model for a reply of a given type: validate, one repair turn, then give up."""
 
 import logging
 from collections.abc import Callable
@@ -27,6 +27,19 @@ async def ask(
 ) -> Reply | None:
     """Ask a question and return the reply, validated; ask once more if it is bad; None if it is bad again.
 
+    Args and errors as ``demand``, but for ``ChatReplyError``.
+    """
+    try:
+        return await demand(chat, request, reply_type, check)
+    except ChatReplyError:
+        return None
+
+
+async def demand(
+    chat: ChatModel, request: ChatRequest, reply_type: type[Reply], check: Callable[[Reply], str | None] | None = None
+) -> Reply:
+    """Ask a question and return the reply, validated; ask once more if it is bad.
+
     Args:
         chat: the model.
         request: the question; without a schema it gets that of ``reply_type``.
@@ -34,13 +47,15 @@ async def ask(
         check: says what else is wrong with a valid reply, in words for the model ("box 7 was not drawn"); None: nothing.
 
     Raises:
+        ChatReplyError: both replies were of no use; the message says why the last one was.
         ChatRequestError: no reply could be had.
         BudgetExceeded: no question is allowed any more.
     """
     if request.schema is None:
         request = replace(request, schema=schema_of(reply_type), schema_name=reply_type.__name__.lower())
+    fault = ""
     for _ in range(2):
-        said, fault = "", ""
+        said = ""
         try:
             said = (await chat.complete(request)).text
             reply, fault = _read(said, reply_type, check)
@@ -53,7 +68,7 @@ async def ask(
             f"That reply is of no use: {fault}. Answer the same question again, with one JSON object of the form asked for, only that."
         )
         request = replace(request, turns=(*request.turns, (excerpt(said, MOST_ECHOED) or "(no text)", complaint)))
-    return None
+    raise ChatReplyError(f"asked twice, and got no reply of any use: {fault}")
 
 
 def _read(said: str, reply_type: type[Reply], check: Callable[[Reply], str | None] | None) -> tuple[Reply | None, str]:

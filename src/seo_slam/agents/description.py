@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar
 
-from seo_slam.agents.asking import ask
+from seo_slam.agents.asking import demand
 from seo_slam.agents.chat_agent import ChatAgent, asked_ids, shown_label, version_of
 from seo_slam.agents.compose import description_image, row_of
 from seo_slam.agents.label_text import MOST_CATEGORY_WORDS, is_not_available, label_from, nearest_labels
@@ -41,10 +41,10 @@ class DescriptionAgent(ChatAgent):
         self._most_known = int(known_labels)
 
     async def propose(self, view: AgentView) -> Sequence[Edit]:
-        """Return a label for the landmark, a confirmation of the one it has, or its removal; nothing if the reply is of no use.
+        """Return a label for the landmark, a confirmation of the one it has, or its removal.
 
         Raises:
-            ChatRequestError, BudgetExceeded: no reply could be had.
+            ChatRequestError, ChatReplyError, BudgetExceeded: no reply could be had, or none of any use.
         """
         ids = asked_ids(view, self.most_landmarks)
         if not ids:
@@ -53,8 +53,8 @@ class DescriptionAgent(ChatAgent):
         label = shown_label(view, ids[0])
         known = nearest_labels(label, view.known_labels, self._most_known)
         facts = {"landmarks": [{"box": 1, "label": label}], "known_labels": known}
-        reply = await ask(self.chat, self.request("Name the thing in box 1.", facts, composed.images), Description)
-        edit = None if reply is None else self._edit(reply, known, view, ids[0])
+        reply = await demand(self.chat, self.request("Name the thing in box 1.", facts, composed.images), Description)
+        edit = self._edit(reply, known, view, ids[0])
         return () if edit is None else (edit,)
 
     def _edit(self, reply: Description, known: Sequence[str], view: AgentView, landmark_id: int) -> Edit | None:

@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from seo_slam.agents.asking import ask
+from seo_slam.agents.asking import demand
 from seo_slam.agents.chat_agent import ChatAgent, asked_ids, only_answers, shown_label, version_of
 from seo_slam.agents.compose import MERGING_CROPS, merging_images, row_of
 from seo_slam.agents.label_text import MOST_CATEGORY_WORDS, label_from
@@ -52,7 +52,7 @@ class MergingAgent(ChatAgent):
         """Return merges of duplicates into the best of them.
 
         Raises:
-            ChatRequestError, BudgetExceeded: no reply could be had.
+            ChatRequestError, ChatReplyError, BudgetExceeded: no reply could be had, or none of any use.
         """
         ids = asked_ids(view, self.most_landmarks)
         composed = merging_images(view, ids) if len(ids) > 1 else None
@@ -63,9 +63,7 @@ class MergingAgent(ChatAgent):
         if slack_m.max() < 0.0:
             return ()  # no two are near enough to be one
         facts = {"landmarks": _entries(view, composed.ids), "separate_beyond_m": self._largest_limit_m(view.landmarks, rows, slack_m)}
-        reply = await ask(self.chat, self.request("Find duplicates among the numbered boxes.", facts, composed.images), Merging)
-        if reply is None:
-            return ()
+        reply = await demand(self.chat, self.request("Find duplicates among the numbered boxes.", facts, composed.images), Merging)
         once = only_answers([box for group in reply.duplicates for box in set(group.boxes)], len(composed.ids))
         pairs = [pair for group in reply.duplicates for pair in _pairs(group, once) if slack_m[pair[0] - 1, pair[1] - 1] >= 0.0]
         return tuple(

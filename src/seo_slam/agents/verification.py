@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import ClassVar
 
-from seo_slam.agents.asking import ask
+from seo_slam.agents.asking import demand
 from seo_slam.agents.chat_agent import ChatAgent, asked_ids, only_answers, shown_label, version_of
 from seo_slam.agents.compose import VERIFICATION_CROPS, verification_image
 from seo_slam.agents.replies import Verification
@@ -28,7 +28,7 @@ class VerificationAgent(ChatAgent):
         """Return a verdict on each landmark that the model judged.
 
         Raises:
-            ChatRequestError, BudgetExceeded: no reply could be had.
+            ChatRequestError, ChatReplyError, BudgetExceeded: no reply could be had, or none of any use.
         """
         ids = asked_ids(view, self.most_landmarks)
         if not ids:
@@ -36,9 +36,7 @@ class VerificationAgent(ChatAgent):
         composed = verification_image(view, ids)
         asked = [{"box": number, "label": shown_label(view, i)} for number, i in enumerate(composed.ids, start=1)]
         request = self.request("Judge the label of each numbered box.", {"landmarks": asked}, composed.images)
-        reply = await ask(self.chat, request, Verification)
-        if reply is None:
-            return ()
+        reply = await demand(self.chat, request, Verification)
         once = only_answers([verdict.box for verdict in reply.verdicts], len(composed.ids))
         return tuple(
             _VERDICTS[verdict.score](landmark_id, version_of(view, landmark_id), self.name)
