@@ -9,6 +9,7 @@ from typing import Any, Self
 import numpy as np
 
 from seo_slam.agent_host import AgentHost
+from seo_slam.agents.message_tally import MessageTally
 from seo_slam.association.label_likelihood import LabelLikelihood
 from seo_slam.composition import Parts, compose
 from seo_slam.config import Config
@@ -46,7 +47,7 @@ class RunResult:
         frames, keyframes: how many.
         lost_frames: frames whose motion odometry could not measure.
         detections, observations: how many were made, and how many of them could be placed in 3D.
-        warnings: message -> how often.
+        warnings: message -> how often; of those that differ in numbers only, the first few.
         seconds: stage -> (number, p50, p95, max, total) of its seconds.
         events: (keyframe_id, event) in order.
         agents: how often agents were asked, with what result, and what became of their edits; empty without agents.
@@ -71,7 +72,7 @@ class _Counts:
     lost_frames: int = 0
     detections: int = 0
     observations: int = 0
-    warnings: dict[str, int] = field(default_factory=dict)
+    warnings: MessageTally = field(default_factory=MessageTally)
     events: list[tuple[int, MapEvent]] = field(default_factory=list)
 
 
@@ -192,8 +193,7 @@ class Pipeline:
 
     def _amend(self, judged: Judged) -> tuple[EditRecord, ...]:
         """Keep what agents changed between keyframes."""
-        for warning in judged.warnings:
-            self._counts.warnings[warning] = self._counts.warnings.get(warning, 0) + 1
+        self._counts.warnings.add(judged.warnings)
         self._counts.events += [(self._keyframe_id, event) for event in judged.events]
         if judged.records:
             self._keeper.amend(self._keyframe_id, judged.events, judged.records)
@@ -227,8 +227,7 @@ class Pipeline:
         else:
             warnings.append("left out: odometry has not found its first pose yet")
         self._counts.frames += 1
-        for warning in warnings:
-            self._counts.warnings[warning] = self._counts.warnings.get(warning, 0) + 1
+        self._counts.warnings.add(warnings)
         return StepResult(
             index=frame.index,
             timestamp_s=frame.timestamp_s,
@@ -288,7 +287,7 @@ class Pipeline:
             lost_frames=counts.lost_frames,
             detections=counts.detections,
             observations=counts.observations,
-            warnings=dict(counts.warnings),
+            warnings=counts.warnings.as_dict(),
             seconds=self.clock.summary(),
             events=tuple(counts.events),
             agents=self._agents.counts(),

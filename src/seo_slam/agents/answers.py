@@ -7,6 +7,7 @@ from typing import Any
 
 from seo_slam.agents.chain import Query
 from seo_slam.agents.loop_thread import LoopThread
+from seo_slam.agents.message_tally import MessageTally
 from seo_slam.errors import AgentError, BudgetExceeded, ChatRequestError
 from seo_slam.records import Confirm, Doubt, Edit, Merge, Proposal, Relabel, Remove
 
@@ -45,6 +46,7 @@ class AgentCounts:
         asked, answered, failed: questions; an answer may hold no edits.
         proposed: edits.
         stopped: it is asked no more, and why; "" if it still is.
+        problems: what went wrong, in words, and how often.
     """
 
     asked: int = 0
@@ -52,7 +54,7 @@ class AgentCounts:
     failed: int = 0
     proposed: int = 0
     stopped: str = ""
-    problems: dict[str, int] = field(default_factory=dict)
+    problems: MessageTally = field(default_factory=MessageTally)
 
     def count(self, answer: Answer) -> None:
         """Note the end of a question."""
@@ -60,7 +62,7 @@ class AgentCounts:
         self.failed += int(bool(answer.problem))
         self.proposed += len(answer.edits)
         if answer.problem:
-            self.problems[answer.problem] = self.problems.get(answer.problem, 0) + 1
+            self.problems.add([answer.problem])
         if answer.ends_agent:
             self.stopped = answer.problem
 
@@ -72,7 +74,7 @@ class AgentCounts:
             "failed": self.failed,
             "proposed": self.proposed,
             "stopped": self.stopped,
-            "problems": dict(self.problems),
+            "problems": self.problems.as_dict(),
         }
 
 
