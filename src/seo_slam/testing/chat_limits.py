@@ -14,7 +14,7 @@ class Seen:
 
     Attributes:
         number: 1, 2, … in the order they came.
-        time_s: when it came, seconds since the server was started.
+        time_s: when it came, seconds since the server was made.
         model: that was asked for.
         role: which agent asked: "verification", "description", "merging", or "other".
         prompt_tokens, completion_tokens: as counted; 0 for what was refused or never answered.
