@@ -118,6 +118,21 @@ def test_labels_of_any_script_are_readable_and_quoted():
     assert parse_document(text.encode(), "it").landmarks[0].label == label
 
 
+@pytest.mark.parametrize("field", ["label", "category"])
+def test_half_of_a_surrogate_pair_is_refused(field):
+    with pytest.raises(MapError, match="no valid Unicode"):
+        Map([replace(make_landmark(1), labels={"\ud800": 1.0}, **{"label": "\ud800", field: "\ud800"})]).to_json()
+
+
+@pytest.mark.parametrize(
+    "text", ["<script>alert(1)</script>", "'); DROP TABLE landmark; --", "a\x00b\x1b[31m\u202e", '"}],"tentative":[', "x" * 100_000]
+)
+def test_hostile_labels_and_categories_come_back_letter_by_letter(tmp_path, text):
+    Map([replace(make_landmark(1), label=text, category=text, labels={text: 1.0})]).save(tmp_path)
+    (row,) = Map.load(tmp_path).landmarks
+    assert (row.label, row.category, dict(row.labels)) == (text, text, {text: 1.0})
+
+
 def test_a_write_that_fails_leaves_the_old_file_and_no_draft(tmp_path, monkeypatch):
     path = tmp_path / "map.json"
     write_atomically(path, b"old")

@@ -53,6 +53,12 @@ def test_csv_tells_the_category_and_its_weight():
     assert (row["label"], row["category"], float(row["weight"])) == ('=green "boot"', "cup", 0.75)
 
 
+@pytest.mark.parametrize("text", ["<script>", "'); DROP TABLE landmark; --", 'a\x1b[31m"\r\n,b', "=1+1"])
+def test_hostile_labels_stay_in_their_cells(text):
+    (row,) = csv.DictReader(io.StringIO(to_csv(Map([replace(make_landmark(1), label=text, category=text)])), newline=""))
+    assert (row["label"], row["category"], row["state"]) == (text, text, "stable")
+
+
 def test_csv_of_an_empty_map_has_its_columns():
     assert to_csv(Map()).strip().split(",") == list(CSV_COLUMNS)
 

@@ -199,7 +199,11 @@ def landmark_from(row: LandmarkDocument) -> Landmark:
 
 
 def document_bytes(document: MapDocument) -> bytes:
-    """Return the text of map.json: UTF-8, one line a landmark, the same bytes for the same document."""
+    """Return the text of map.json: UTF-8, one line a landmark, the same bytes for the same document.
+
+    Raises:
+        MapError: a label is no valid Unicode.
+    """
     lines = []
     for key, value in document.model_dump(mode="json", by_alias=True).items():
         if isinstance(value, list) and value:
@@ -207,7 +211,10 @@ def document_bytes(document: MapDocument) -> bytes:
             lines.append(f' "{key}": [\n  {items}\n ]')
         else:
             lines.append(f' "{key}": {_compact(value)}')
-    return ("{\n" + ",\n".join(lines) + "\n}\n").encode()
+    try:
+        return ("{\n" + ",\n".join(lines) + "\n}\n").encode()
+    except UnicodeEncodeError as error:  # half of a surrogate pair
+        raise MapError(f"the map cannot be written: a text is no valid Unicode: {error}") from error
 
 
 def _compact(value: Any) -> str:
