@@ -109,7 +109,7 @@ class EditRecord:
     Attributes:
         kind: "confirm", "doubt", "relabel", "remove", "merge" or "undo".
         landmark_id: whose; for "merge" the one that goes.
-        other_id: for "merge" the one that stays, else None.
+        other_id: for "merge" the one that stays, for "undo" the number of the edit that was undone, else None.
         outcome: "applied"; "noted": it counts, but changes nothing (yet); "stale": the landmark changed meanwhile; "refused".
         detail: in words: the labels, or why it was not applied.
         proposal's agent, model, prompt_hash, view_keyframe_id, view_s: see ``Proposal``.
@@ -137,7 +137,8 @@ class MapEvent:
     """One line of the map's history.
 
     Attributes:
-        kind: "created", "stable", "lost", "found", "moved", "merged", "relabelled", "removed" or "confirmed".
+        kind: "created", "stable", "lost", "found", "moved", "merged", "relabelled", "removed" or "confirmed"; in a map
+            that was changed after its run also "undone".
         landmark_id: whose. For "merged" the landmark that goes, for "moved" the one that stays.
         detail: in words: its label, the old and new one, from where to where it moved.
         source: "pipeline" or the agent's name.

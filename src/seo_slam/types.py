@@ -213,7 +213,8 @@ class Landmark:
 
     Attributes:
         id: never reused.
-        label: the heaviest of ``labels``; "" while nothing has named it.
+        label: the heaviest of ``labels``, or what an agent called it, which need not be among them where there is a ``category``; ""
+            while nothing has named it.
         labels: word -> weight, weights sum to 1 (empty if nothing has named it).
         position_m: (3,) in the world frame.
         covariance_m2: (3, 3) of the position.

@@ -32,9 +32,9 @@ _KILLS = 20
 _RUNS_CONTINUED = 4
 
 
-def run_and_kill(path, delay_s, after_first=False):
+def run_and_kill(path, delay_s, after_first=False, script=_WRITER):
     """Ids that the writer told before it was killed, ``delay_s`` after it was up or after its first commit."""
-    command = [sys.executable, "-c", _WRITER, str(path)]
+    command = [sys.executable, "-c", script, str(path)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, bufsize=0) as process:
         assert process.stdout.readline() == b"ready\n", process.stderr.read().decode()
         first = process.stdout.readline() if after_first else b""
@@ -85,3 +85,38 @@ def test_partial_keyframes_would_be_seen(tmp_path):
     db.close()
     with pytest.raises(AssertionError):
         require_whole(path, told)
+
+
+_AMENDER = """
+import sys
+from seo_slam.backends.sqlite_store import SqliteStore
+from seo_slam.records import Amendment, MapEvent
+from seo_slam.testing.store import make_edit, make_landmark, make_record
+
+print("ready", flush=True)
+with SqliteStore(sys.argv[1]) as store:
+    store.commit(make_record(0, (1,), (make_landmark(1), make_landmark(2))))
+    n = 0
+    while True:
+        row = make_landmark(1, (float(n), 0.0, 0.0), version=n)
+        gone, back = ((2,), (row,)) if n % 2 == 0 else ((), (row, make_landmark(2)))
+        edit = make_edit(before=(make_landmark(1, version=n - 1),), detail=str(n))
+        store.amend(Amendment(0, back, gone, (MapEvent("relabelled", 1, str(n)),), (edit,)))
+        print(n, flush=True)
+        n += 1
+"""
+
+
+@pytest.mark.parametrize("delay_s", [0.0, 0.03, 0.11])
+def test_an_amendment_is_there_wholly_or_not_at_all(tmp_path, delay_s):
+    path = tmp_path / "map.db"
+    told = run_and_kill(path, delay_s, after_first=True, script=_AMENDER)
+    with SqliteStore(path) as store:
+        edits = store.edits()
+        assert [edit.detail for edit in edits] == [str(n) for n in range(len(edits))]
+        assert len(told) <= len(edits) <= len(told) + 1
+        newest = len(edits) - 1
+        assert [row.version for row in store.landmarks() if row.id == 1] == [newest]
+        assert (2 in {row.id for row in store.landmarks()}) == (newest % 2 == 1)
+        assert len(store.history(1)) == len(edits)
+        assert [len(edit.before) for edit in edits] == [1] * len(edits)
