@@ -64,13 +64,14 @@ class Server:
 
     async def handle(self, request):
         self.requests.append(request)
-        self.bodies.append(json.loads(request.content))
+        body = json.loads(request.content)
+        self.bodies.append(body)
         self.times_s.append(self.time.now_s)
         if self.latency_s:
             await self.time.sleep(self.latency_s)
         answer = self.answers.pop(0) if len(self.answers) > 1 else self.answers[0]
         if callable(answer):
-            answer = answer(self.bodies[-1])
+            answer = answer(body)
         if isinstance(answer, Exception):
             raise answer
         return httpx.Response(answer.status_code, headers=answer.headers, content=answer.content)

@@ -10,7 +10,7 @@ from seo_slam.interfaces import ChatRequest
 _IMAGE_TOKENS = 300
 _CHARACTERS_A_TOKEN = 4
 _REMEMBERED = 32
-_FIRST_RATIO = 1.5
+_FIRST_RATIO, _CAUTIOUS_RATIO = 1.5, 4.0  # servers differ most in what an image counts
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,22 +36,20 @@ class ChatUsage:
 
 
 class TokenEstimates:
-    """What a question will come to, learned from what the server counted for the last ones. Always on the high side of these."""
+    """What a question will come to, learned from what the server counted: as much as the dearest of the last ones."""
 
     def __init__(self) -> None:
         """Know nothing yet."""
         self._ratios: deque[float] = deque(maxlen=_REMEMBERED)
         self._replies: deque[int] = deque(maxlen=_REMEMBERED)
 
-    def prompt(self, request: ChatRequest) -> int:
-        """Tokens of the question."""
-        return int(_rough(request) * max(self._ratios, default=_FIRST_RATIO)) + 1
+    def prompt(self, request: ChatRequest, cautious: bool = False) -> int:
+        """Tokens of the question; ``cautious``: rather too many while nothing was learned yet."""
+        return int(_rough(request) * max(self._ratios, default=_CAUTIOUS_RATIO if cautious else _FIRST_RATIO)) + 1
 
     def completion(self, request: ChatRequest) -> int:
-        """Tokens of the reply: those that are allowed until a few came, then a fifth above the longest of late."""
-        if len(self._replies) < _REMEMBERED // 4:
-            return request.max_tokens
-        return min(request.max_tokens, int(1.2 * max(self._replies)) + 8)
+        """Tokens of the reply: those that are allowed until a few came, then as many as the longest of late."""
+        return request.max_tokens if len(self._replies) < _REMEMBERED // 4 else min(request.max_tokens, max(self._replies))
 
     def learn(self, request: ChatRequest, prompt_tokens: int, completion_tokens: int) -> None:
         """Take what the server counted."""

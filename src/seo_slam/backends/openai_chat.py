@@ -238,7 +238,7 @@ class OpenAIChat:
         while True:
             pause_s = self._pause.left_s()
             if pause_s <= _SOON_S:
-                prompt = self._estimates.prompt(request)
+                prompt = self._estimates.prompt(request, cautious=True)
                 place = await self._pacer.enter(prompt + self._estimates.completion(request), prompt + request.max_tokens)
                 deadline.extend(place.waited_s)
                 self._budget.count(waited_s=place.waited_s)
