@@ -15,13 +15,11 @@ from seo_slam.geometry import FloatArray
 from seo_slam.interfaces import Agent, AgentView, Embedder, Evidence, Smoother
 from seo_slam.mapping.edit_desk import EditDesk, Judged
 from seo_slam.mapping.object_map import ObjectMap
+from seo_slam.perception.labels import clean_label
+from seo_slam.records import Relabel
 from seo_slam.types import Frame, IntArray, Landmarks
 
-_RUNNERS: dict[str, Callable[[Sequence[Agent], RunnerSettings], AgentRunner]] = {
-    "inline": InlineRunner,
-    "background": BackgroundRunner,
-    "virtual": VirtualTimeRunner,
-}
+_RUNNERS: dict[str, Callable[[Sequence[Agent], RunnerSettings], AgentRunner]] = {"inline": InlineRunner, "virtual": VirtualTimeRunner}
 
 
 class AgentHost:
@@ -33,7 +31,8 @@ class AgentHost:
         self._lifting = config.lifting
         self._objects = objects
         self._smoother = smoother
-        self._runner: AgentRunner = make_runner(agents, config.runner)
+        self._embedder = embedder
+        self._runner: AgentRunner = make_runner(agents, config.runner, self._learn_labels)
         self._desk = EditDesk(config.edits, objects, smoother, embedder)
         self._outcomes: Counter[tuple[str, str, str]] = Counter()
         self._ages_s: list[float] = []
@@ -83,6 +82,12 @@ class AgentHost:
             self._ages_s.append(record.timestamp_s - record.view_s)
         return judged
 
+    def _learn_labels(self, answer: Answer) -> None:
+        """Embed new labels in the agents' thread: a text model takes milliseconds a label, and remembers it for the robot's loop."""
+        for edit in answer.edits:
+            if isinstance(edit, Relabel) and (label := clean_label(edit.label)) is not None:
+                self._embedder.embed_text([label])
+
     def _view(self, frame: Frame, T_world_camera: FloatArray, keyframe_id: int) -> AgentView:
         every = self._objects.landmarks(self._smoother)
         stable = every[np.array([state == "stable" for state in every.states], dtype=np.bool_)]
@@ -121,6 +126,8 @@ class AgentHost:
         )
 
 
-def make_runner(agents: Sequence[Agent], settings: RunnerSettings) -> AgentRunner:
-    """Return the runner of a mode."""
+def make_runner(agents: Sequence[Agent], settings: RunnerSettings, think_ahead: Callable[[Answer], None] | None = None) -> AgentRunner:
+    """Return the runner of a mode; in the background, ``think_ahead`` is called in its thread with each answer."""
+    if settings.mode == "background":
+        return BackgroundRunner(agents, settings, think_ahead)
     return _RUNNERS[settings.mode](agents, settings)

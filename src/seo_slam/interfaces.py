@@ -72,7 +72,7 @@ class Embedder(Protocol):
         ...
 
     def embed_text(self, texts: Sequence[str]) -> FloatArray:
-        """Return (N, D) float64 unit rows."""
+        """Return (N, D) float64 unit rows. Agents in the background ask from their thread; what was asked before should cost nothing."""
         ...
 
 

@@ -39,6 +39,32 @@ def test_what_is_known_is_verified_again_in_every_view_and_described_once():
     assert [of(done, "description") for done in work_of] == [[(0,)], [], []]
 
 
+def test_a_landmark_that_is_verified_again_passes_the_chain_again():
+    chain = Chain(trio())
+    done = []
+    for keyframe in range(PAIR_ASKED + 2):
+        chain.show(view([landmark(0), landmark(1, x_m=0.1), landmark(2)], keyframe))
+        work(chain)
+        done.append(chain.counts.landmarks_done)
+    assert done == [3 * (k + 1) for k in range(PAIR_ASKED + 2)]  # whether the merging agent is asked, or was asked often enough
+
+
+@pytest.mark.parametrize("missing", ["description", "merging"])
+def test_the_chain_ends_without_an_agent_that_is_not_there(missing):
+    chain = Chain([agent for agent in trio() if agent.role != missing])
+    for keyframe in range(2):
+        chain.show(view([landmark(0), landmark(1, x_m=0.1)], keyframe))
+        work(chain)
+    assert chain.counts.landmarks_done == 4
+
+
+def test_what_is_judged_nothing_did_not_pass():
+    chain = Chain(trio(verify=REMOVE))
+    chain.show(view([landmark(0)]))
+    work(chain)
+    assert chain.counts.landmarks_done == 0
+
+
 def test_a_landmark_is_asked_about_once_in_a_view_and_version():
     chain = Chain([Scripted("verification", 4)])
     chain.show(view([landmark(0)], 0))

@@ -105,6 +105,22 @@ def test_drain_brings_every_answer():
     assert runner.close()
 
 
+def test_what_an_answer_calls_for_is_thought_ahead_in_the_agents_thread():
+    threads = []
+
+    def think(answer):
+        threads.append(threading.current_thread().name)
+        raise ValueError("no such model")
+
+    runner = BackgroundRunner([Slow()], settings(), think)
+    try:
+        runner.show(view([landmark(0), landmark(1)]))
+        assert sorted(ids_of(runner.drain(SOON_S))) == [0, 1]  # an answer is not lost by it
+    finally:
+        assert runner.close()
+    assert threads == [THREAD_NAME] * 2
+
+
 def test_the_newest_view_wins_while_all_are_busy():
     agent = Slow(seconds=0.05)
     runner = BackgroundRunner([agent], settings(in_flight=1))

@@ -1,16 +1,19 @@
 """Agents in one background thread: the robot's loop submits views and collects answers, and never waits."""
 
 import asyncio
+import logging
 import threading
 import time
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from seo_slam.agents.answers import Answer, ask
 from seo_slam.agents.chain import Query
 from seo_slam.agents.runner import Asking
 from seo_slam.config import RunnerSettings
 from seo_slam.interfaces import Agent, AgentView
+
+logger = logging.getLogger(__name__)
 
 MOST_ANSWERS = 256
 """Answers kept until they are collected; then the oldest go: a robot that stands still for long asks about the same things again."""
@@ -22,9 +25,16 @@ class BackgroundRunner(Asking):
     Images are composed in that thread, too. An agent whose ``propose`` is no ``async def`` holds up the others while it thinks.
     """
 
-    def __init__(self, agents: Sequence[Agent], settings: RunnerSettings) -> None:
-        """Take the agents; the thread starts with the first view."""
+    def __init__(self, agents: Sequence[Agent], settings: RunnerSettings, think_ahead: Callable[[Answer], None] | None = None) -> None:
+        """Take the agents; the thread starts with the first view.
+
+        Args:
+            agents: to be asked.
+            settings: of the runner.
+            think_ahead: called with each answer in this thread, for what the robot's loop would else have to compute.
+        """
         super().__init__(agents, settings)
+        self._think_ahead = think_ahead
         self._newest: AgentView | None = None
         self._lock = threading.Lock()
         self._answers: deque[Answer] = deque(maxlen=MOST_ANSWERS)
@@ -82,6 +92,11 @@ class BackgroundRunner(Asking):
 
     async def _ask(self, query: Query) -> None:
         answer = await ask(query)
+        if self._think_ahead is not None:
+            try:
+                self._think_ahead(answer)
+            except Exception as error:  # noqa: BLE001  # whoever judges the answer meets it again, and says so
+                logger.debug("thinking ahead about an answer of %s failed: %s", query.agent.name, error)
         self.finish(answer)
         self._answers.append(answer)
 

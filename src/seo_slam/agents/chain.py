@@ -41,7 +41,7 @@ class _Progress:
     described: bool = False
     doubted: bool = False
     passed: bool = False  # confirmed or freshly labelled: may be merged
-    chained: bool = False  # went through the whole chain at least once
+    pending: bool = False  # judged since it last came to the end of the chain
     verified: int = -1  # the keyframe it was last verified in
 
 
@@ -141,7 +141,7 @@ class Chain:
             elif query.agent.role == "description":
                 self._described(landmark_id, progress, verdicts.get(landmark_id), query.view)
             else:
-                self._done(progress)
+                self._end(progress)
         if self._newest is not None:
             self._want_merging(self._newest)
 
@@ -159,34 +159,36 @@ class Chain:
     def _verified(self, landmark_id: int, progress: _Progress, edit: Edit | None, view: AgentView) -> None:
         progress.verified = view.keyframe_id
         if isinstance(edit, Confirm):
-            progress.passed, progress.doubted = True, False
+            progress.passed, progress.doubted, progress.pending = True, False, True
         elif isinstance(edit, Doubt):
             progress.passed, progress.doubted = False, True
         elif isinstance(edit, Remove):
-            progress.passed = False
+            progress.passed = progress.pending = False
             return
         if self._description_is_due(progress) and edit is not None:
             self._want("description", landmark_id, self._newest_with(landmark_id, view))
-        elif isinstance(edit, Confirm) and not self._has("merging"):
-            self._done(progress)
+        elif not self._has("merging"):
+            self._end(progress)
 
     def _described(self, landmark_id: int, progress: _Progress, edit: Edit | None, view: AgentView) -> None:  # noqa: ARG002
         if isinstance(edit, Relabel | Confirm):
-            progress.described, progress.doubted, progress.passed = True, False, True
+            progress.described, progress.doubted, progress.passed, progress.pending = True, False, True, True
             if isinstance(edit, Relabel):
                 self.known_labels[edit.label] = None
         elif isinstance(edit, Remove):
-            progress.passed = False
+            progress.passed = progress.pending = False
             return
         if not self._has("merging"):
-            self._done(progress)
+            self._end(progress)
 
-    def _done(self, progress: _Progress) -> None:
-        progress.chained = True
-        self.counts.landmarks_done += 1
+    def _end(self, progress: _Progress) -> None:
+        """Count a landmark at the end of the chain, once for each time it was judged; not while its description is due."""
+        if progress.pending and not self._description_is_due(progress):
+            progress.pending = False
+            self.counts.landmarks_done += 1
 
     def _description_is_due(self, progress: _Progress) -> bool:
-        return progress.doubted or not progress.described
+        return (progress.doubted or not progress.described) and self._has("description")
 
     def _renew_descriptions(self, view: AgentView) -> None:
         """Let descriptions that still wait be made from the newer view."""
@@ -228,9 +230,8 @@ class Chain:
         for landmark_id in sorted(wanted):
             self._want("merging", landmark_id, view)
         for landmark_id in eligible:  # nothing near it that it could be a double of: the chain ends here
-            progress = self._progress[landmark_id]
-            if landmark_id not in wanted and not progress.chained and progress.described:
-                self._done(progress)
+            if landmark_id not in wanted:
+                self._end(self._progress[landmark_id])
 
     def _merging_group(self, first: int, ids: list[int], view: AgentView, agent: Agent) -> list[int]:
         group = nearby_group(first, ids, view, agent.most_landmarks)
