@@ -132,14 +132,15 @@ def test_objects_of_one_process_keep_a_limit_together():
 
 
 def test_waiting_for_own_limits_does_not_count_to_the_deadline():
-    server = Server()
+    server = Server(said("1"), said("2"), refused(503), said("3"))  # the last one still has time for another try
     chat = server.chat(requests_per_minute=1, deadline_s=5.0)
 
     async def main():
         await asyncio.gather(*(chat.complete(QUESTION) for _ in range(3)))
 
     server.time.run(main())
-    assert server.times_s[-1] > 100.0
+    assert len(server.bodies) == 4
+    assert server.times_s[-1] > 170.0
 
 
 @pytest.mark.parametrize(

@@ -178,12 +178,8 @@ class OpenAIChat:
     async def _probe(self, deadline: retries.Deadline) -> wire.ReplyFormat:
         for tried in ("json_schema", "json_object"):
             reply_format: wire.ReplyFormat = "json_schema" if tried == "json_schema" else "json_object"
-            try:
-                if passes(reply_format, await self._answer(PROBE, deadline, reply_format)):
-                    return reply_format
-            except _RefusedError as error:
-                if not refuses_format(error.status, str(error)):
-                    raise
+            if passes(reply_format, await self._answer(PROBE, deadline, reply_format)):
+                return reply_format
         return "prompt"
 
     async def _answer(self, request: ChatRequest, deadline: retries.Deadline, reply_format: wire.ReplyFormat | None = None) -> wire.Answer:
@@ -192,7 +188,7 @@ class OpenAIChat:
         self._budget.hold(*held)
         try:
             answer = await self._exchange(request, deadline, reply_format)
-            if answer.prompt_tokens is not None and answer.completion_tokens is not None:
+            if answer.prompt_tokens and answer.completion_tokens is not None:
                 self._estimates.learn(request, answer.prompt_tokens, answer.completion_tokens)
             answer = self._counted(request, answer)
             self._budget.spend(answer.prompt_tokens or 0, answer.completion_tokens or 0)
@@ -230,6 +226,8 @@ class OpenAIChat:
             message = received.failure or self._said(received)
             if status and (known.learn_from_refusal(status, message) or (reply_format is None and known.step_down(status, message))):
                 continue
+            if reply_format is not None and refuses_format(status, message):  # a probe: this is its answer
+                return wire.Answer(fault=message, prompt_tokens=0, completion_tokens=0)
             failures += 1
             await self._wait_or_raise(received, status, message, failures, deadline)
 
@@ -262,7 +260,7 @@ class OpenAIChat:
         is_spent = status == 429 and wire.is_quota_spent(received.body)
         if is_spent or (status and not retries.may_be_retried(status)) or received.headers.get("x-should-retry") == "false":
             hint = _HINTS.get(status, "")
-            raise _RefusedError(what + hint, status, permanent=is_spent or status in _OF_NO_USE)
+            raise ChatRequestError(what + hint, permanent=is_spent or status in _OF_NO_USE)
         said_s = retries.wait_said(received.headers)
         wait_s = retries.own_wait_s(failures, self._draws) if said_s is None else retries.jittered_s(said_s, self._draws)
         if status == 429:
@@ -286,14 +284,6 @@ class OpenAIChat:
                 f"{self._access.host} takes {most / 1e6:.3g} MB a request; this question has {len(body) / 1e6:.3g} MB, "
                 "images in base64 included: show it fewer or smaller images"
             )
-
-
-class _RefusedError(ChatRequestError):
-    """The server refused, with a status that waiting does not change."""
-
-    def __init__(self, message: str, status: int, permanent: bool) -> None:
-        super().__init__(message, permanent)
-        self.status = status
 
 
 _TOO_LONG = wire.Answer(fault=f"the reply is longer than {wire.MOST_REPLY_BYTES // 1000} kB; the rest was not read")
