@@ -1,7 +1,6 @@
 """How often each message came, in bounded memory: a server that fails for hours tells other numbers each time."""
 
 import re
-from collections import Counter
 from collections.abc import Iterable
 
 _NUMBER = re.compile(r"\d+(?:\.\d+)?(?:e[+-]?\d+)?")
@@ -19,7 +18,7 @@ class MessageTally:
     def __init__(self) -> None:
         """Start with none."""
         self._counts: dict[str, int] = {}
-        self._alike: Counter[str] = Counter()
+        self._alike: dict[str, list[str]] = {}  # message without its numbers -> the first such messages
 
     def add(self, messages: Iterable[str]) -> None:
         """Count each message once more."""
@@ -35,9 +34,10 @@ class MessageTally:
         if message in self._counts:
             return message
         kind = _NUMBER.sub("#", message)
-        if self._alike[kind] >= ALIKE:
-            return f"{kind} (others of this kind)"
         if len(self._alike) >= MOST_MESSAGES and kind not in self._alike:
             return OTHERS
-        self._alike[kind] += 1
+        alike = self._alike.setdefault(kind, [])
+        if len(alike) >= ALIKE:
+            return f"{alike[0]} (and the like)"
+        alike.append(message)
         return message
