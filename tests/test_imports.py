@@ -37,6 +37,7 @@ ORDER = (
     "composition",
     "keeping",
     "agent_host",
+    "run_result",
     "pipeline",
     "run_files",
     "diagnosis",

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from seo_slam.association.two_stage import TwoStageAssociator
+    from seo_slam.backends.openai_chat import OpenAIChat
     from seo_slam.backends.recorded_odometry import RecordedOdometry
     from seo_slam.camera import Camera
     from seo_slam.config import Component, Config
@@ -24,6 +25,9 @@ if TYPE_CHECKING:
     from seo_slam.errors import (
         AgentError,
         BackendError,
+        BudgetExceeded,
+        ChatReplyError,
+        ChatRequestError,
         ConfigError,
         DatasetError,
         EditRefused,
@@ -37,10 +41,11 @@ if TYPE_CHECKING:
         UnknownBackendError,
         UnknownLandmarkError,
     )
-    from seo_slam.interfaces import Agent, AgentView, Associator
+    from seo_slam.interfaces import Agent, AgentView, Associator, ChatModel, ChatReply, ChatRequest, Evidence
     from seo_slam.map import Map, QueryHit
-    from seo_slam.pipeline import Pipeline, RunResult
-    from seo_slam.records import Confirm, MapEvent, Merge, Relabel, Remove, StepResult, Trajectory
+    from seo_slam.pipeline import Pipeline
+    from seo_slam.records import Confirm, Doubt, EditRecord, MapEvent, Merge, Relabel, Remove, StepResult, Trajectory
+    from seo_slam.run_result import RunResult
     from seo_slam.simulation.apartment import SimulatedApartment
     from seo_slam.simulation.house import SimulatedHouse
     from seo_slam.simulation.recording import SimulatedDesk
@@ -51,6 +56,7 @@ __version__ = "0.1.0"
 
 _MODULES = {
     "association.two_stage": ("TwoStageAssociator",),
+    "backends.openai_chat": ("OpenAIChat",),
     "backends.recorded_odometry": ("RecordedOdometry",),
     "camera": ("Camera",),
     "config": ("Component", "Config"),
@@ -59,6 +65,9 @@ _MODULES = {
     "errors": (
         "AgentError",
         "BackendError",
+        "BudgetExceeded",
+        "ChatReplyError",
+        "ChatRequestError",
         "ConfigError",
         "DatasetError",
         "EditRefused",
@@ -72,10 +81,11 @@ _MODULES = {
         "UnknownBackendError",
         "UnknownLandmarkError",
     ),
-    "interfaces": ("Agent", "AgentView", "Associator"),
+    "interfaces": ("Agent", "AgentView", "Associator", "ChatModel", "ChatReply", "ChatRequest", "Evidence"),
     "map": ("Map", "QueryHit"),
-    "pipeline": ("Pipeline", "RunResult"),
-    "records": ("Confirm", "MapEvent", "Merge", "Relabel", "Remove", "StepResult", "Trajectory"),
+    "pipeline": ("Pipeline",),
+    "run_result": ("RunResult",),
+    "records": ("Confirm", "Doubt", "EditRecord", "MapEvent", "Merge", "Relabel", "Remove", "StepResult", "Trajectory"),
     "simulation.apartment": ("SimulatedApartment",),
     "simulation.house": ("SimulatedHouse",),
     "simulation.recording": ("SimulatedDesk",),
@@ -120,10 +130,17 @@ __all__ = [  # noqa: RUF022  # by what they are for
     "TwoStageAssociator",
     "Agent",
     "AgentView",
+    "Evidence",
+    "ChatModel",
+    "ChatRequest",
+    "ChatReply",
+    "OpenAIChat",
     "Confirm",
+    "Doubt",
     "Relabel",
     "Remove",
     "Merge",
+    "EditRecord",
     "RecordedOdometry",
     "SimulatedDesk",
     "SimulatedRoom",
@@ -146,6 +163,9 @@ __all__ = [  # noqa: RUF022  # by what they are for
     "EditRefused",
     "MapFormatError",
     "AgentError",
+    "ChatRequestError",
+    "ChatReplyError",
+    "BudgetExceeded",
     "__version__",
 ]
 

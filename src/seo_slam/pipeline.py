@@ -30,40 +30,12 @@ from seo_slam.perception.adapters import to_detections
 from seo_slam.perception.cut_boxes import completed
 from seo_slam.perception.lifting import observe
 from seo_slam.records import EditRecord, MapEvent, StepResult, Trajectory
+from seo_slam.run_result import RunResult
 from seo_slam.stages import StageClock
 from seo_slam.types import NEW, REJECTED, Association, Detections, Estimate, Frame, IntArray, Landmarks, Motion, Observations
 
 LEVEL_FIRST_CAMERA = np.array([[1.0, 0, 0, 0], [0, 0, 1.0, 0], [0, -1.0, 0, 0], [0, 0, 0, 1.0]])
 """T_world_camera of a first camera of unknown pose: at the origin, looking along y, its image upright (z up if it is held level)."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class RunResult:
-    """What a run made.
-
-    Attributes:
-        map: the things.
-        trajectory: a pose for every frame, as estimated at the end.
-        frames, keyframes: how many.
-        lost_frames: frames whose motion odometry could not measure.
-        detections, observations: how many were made, and how many of them could be placed in 3D.
-        warnings: message -> how often; of those that differ in numbers only, the first few.
-        seconds: stage -> (number, p50, p95, max, total) of its seconds.
-        events: (keyframe_id, event) in order.
-        agents: how often agents were asked, with what result, and what became of their edits; empty without agents.
-    """
-
-    map: Map
-    trajectory: Trajectory
-    frames: int
-    keyframes: int
-    lost_frames: int
-    detections: int
-    observations: int
-    warnings: Mapping[str, int]
-    seconds: Mapping[str, Mapping[str, float]]
-    events: tuple[tuple[int, MapEvent], ...]
-    agents: Mapping[str, Any] = field(default_factory=dict)
 
 
 @dataclass(slots=True)

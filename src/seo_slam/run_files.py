@@ -12,7 +12,7 @@ from typing import Any
 
 from seo_slam.datasets.trajectory_files import write_trajectory
 from seo_slam.errors import ConfigError
-from seo_slam.pipeline import RunResult
+from seo_slam.run_result import RunResult
 
 RUN_SCHEMA = "seo_slam.run/1"
 RESULT_FILES = ("map.json", "map.db", "map.db-wal", "map.db-shm", "trajectory.txt", "run.json", "report.html", "evaluation.html")

@@ -12,11 +12,12 @@ from typing import Any
 
 from seo_slam.backends.recorded_detector import DetectionRecorder
 from seo_slam.errors import DatasetError
-from seo_slam.pipeline import Pipeline, RunResult
+from seo_slam.pipeline import Pipeline
 from seo_slam.records import StepResult
 from seo_slam.report.crops import ReportRecorder
 from seo_slam.report.html import write_report
 from seo_slam.run_files import describe_run, write_result
+from seo_slam.run_result import RunResult
 from seo_slam.types import Frame
 
 

@@ -1,17 +1,37 @@
 """Every registered agent keeps the contract, and the check notices those that do not."""
 
+import inspect
+
 import pytest
 
 from seo_slam import registry
-from seo_slam.errors import AgentError
+from seo_slam.errors import AgentError, ChatRequestError
 from seo_slam.interfaces import Agent
 from seo_slam.records import Confirm, Merge, Relabel, Remove
 from seo_slam.testing import check_agent
 
 
-def test_contract():
-    for name in registry.known("agent"):
-        check_agent(registry.create("agent", name))
+class Silent:
+    """A chat model that has nothing to say."""
+
+    name = "silent"
+
+    async def complete(self, request):
+        raise ChatRequestError("nobody is there")
+
+
+@pytest.mark.parametrize("name", registry.known("agent"))
+def test_contract(name):
+    asks_a_model = "chat" in inspect.signature(registry.find("agent", name)).parameters
+    check_agent(registry.create("agent", name, **({"chat": Silent()} if asks_a_model else {})))
+
+
+def test_an_asynchronous_one_is_awaited():
+    async def propose(view):
+        return [Remove(77, 0)]
+
+    with pytest.raises(AssertionError, match="names landmark 77"):
+        check_agent(agent(propose))
 
 
 def agent(propose, **attributes):

@@ -11,7 +11,7 @@ from seo_slam.config import Component, Config
 
 if TYPE_CHECKING:
     from seo_slam.evaluation.scores import LandmarksResult
-    from seo_slam.pipeline import RunResult
+    from seo_slam.run_result import RunResult
 
 
 def demo(

@@ -6,7 +6,8 @@ from scipy.spatial import cKDTree
 from seo_slam.association.label_likelihood import LabelLikelihood
 from seo_slam.camera import Camera
 from seo_slam.geometry import FloatArray, inverse, transform_points
-from seo_slam.mapping.object_map import ObjectMap, Thing
+from seo_slam.mapping.object_map import ObjectMap
+from seo_slam.mapping.thing import Thing
 from seo_slam.perception.boxes import containment
 from seo_slam.types import BoolArray, IntArray
 

@@ -14,14 +14,15 @@ from seo_slam.config import EditSettings
 from seo_slam.errors import EditRefused, FrameError
 from seo_slam.interfaces import Embedder, Smoother
 from seo_slam.mapping.edits import apply_edit, merge_landmarks, require_close
-from seo_slam.mapping.object_map import ObjectMap, Thing
+from seo_slam.mapping.object_map import ObjectMap
+from seo_slam.mapping.thing import Thing
 from seo_slam.mapping.verdicts import Belief, Verdict, VerdictKind, Verdicts
 from seo_slam.perception.labels import clean_label
 from seo_slam.records import Confirm, Doubt, Edit, EditOutcome, EditRecord, MapEvent, Merge, Proposal, Relabel, Remove
 from seo_slam.types import Landmark
 
-SURELY_NOTHING = 0.9
-"""A landmark is removed once it is nothing with this probability …"""
+SURELY_NOTHING = 0.75
+"""A landmark is removed once it is nothing with this probability: what is there after all is soon found again …"""
 
 FOUND_TOO_SELDOM = 0.8
 """… and, if only one verdict says so, existence is below this: the sightings are against it, too."""
@@ -101,7 +102,7 @@ class EditDesk:
                 out.warnings.append(f"agent {proposal.agent}: edit refused: {error}")
             if event is not None:
                 out.events.append(event if event.source else replace(event, source=proposal.agent))
-            changed = outcome == "applied" and not isinstance(proposal.edit, Confirm)
+            changed = event is not None and event.kind != "confirmed"
             applied += int(changed)
             out.records.append(_record(proposal, event, outcome, detail, keyframe_id, now_s, before if changed else ()))
         while len(self._waiting) > MOST_WAITING:
@@ -155,7 +156,7 @@ class EditDesk:
         self._verdicts.hear(thing.id, verdict)
         if isinstance(edit, Relabel):
             self._labels[thing.id, verdict.word] = _clean(edit.label, thing.id)
-        belief = self._verdicts.belief(thing.id, thing.existence, thing.weights)
+        belief = self._verdicts.belief(thing.id, thing.existence, thing.observations, thing.weights)
         if self._may_be_removed(thing, belief):
             return self._remove(thing, edit.source), "applied", f"{thing.label}, {_percent(belief.nothing)} nothing"
         event = self._renamed(thing, belief, edit.source)
@@ -166,7 +167,7 @@ class EditDesk:
         return None, "noted", _in_words(edit, thing, belief)
 
     def _may_be_removed(self, thing: Thing, belief: Belief) -> bool:
-        denials = {(v.who, v.side) for v in self._verdicts.of(thing.id) if v.kind == "remove"}
+        denials = {(v.who, v.view) for v in self._verdicts.of(thing.id) if v.kind == "remove"}
         seconded = len(denials) > 1 or (len(denials) == 1 and thing.existence < FOUND_TOO_SELDOM)
         return seconded and belief.nothing >= SURELY_NOTHING
 
@@ -217,8 +218,8 @@ class EditDesk:
         word = thing.fixed_category or thing.label
         if isinstance(edit, Relabel):
             word = _clean(edit.category, thing.id) if edit.category else _clean(edit.label, thing.id)
-        who = f"{proposal.agent} {proposal.model}".strip()
-        return Verdict(who, kinds[type(edit)], "" if isinstance(edit, Remove) else word.casefold(), self._side(thing, proposal))
+        who, side = f"{proposal.agent} {proposal.model}".strip(), self._side(thing, proposal)
+        return Verdict(who, kinds[type(edit)], "" if isinstance(edit, Remove) else word.casefold(), side, proposal.view_keyframe_id)
 
     def _side(self, thing: Thing, proposal: Proposal) -> int:
         """From where a thing was looked at; a keyframe's own number, below 0, where nothing is known of the camera."""

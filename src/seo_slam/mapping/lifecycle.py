@@ -13,9 +13,10 @@ from seo_slam.geometry import FloatArray
 from seo_slam.interfaces import Smoother
 from seo_slam.mapping.existence import Sightings, believe
 from seo_slam.mapping.moves import Moves
-from seo_slam.mapping.object_map import ObjectMap, Thing
+from seo_slam.mapping.object_map import ObjectMap
 from seo_slam.mapping.recall import MeasuredGaps, MeasuredRecall
 from seo_slam.mapping.sight import DepthView, Sight, look
+from seo_slam.mapping.thing import Thing
 from seo_slam.records import MapEvent
 from seo_slam.types import IntArray, LandmarkState
 

@@ -13,8 +13,9 @@ from seo_slam.camera import Camera
 from seo_slam.config import LiftingSettings
 from seo_slam.geometry import FloatArray
 from seo_slam.interfaces import Smoother
-from seo_slam.mapping.object_map import ObjectMap, Thing
+from seo_slam.mapping.object_map import ObjectMap
 from seo_slam.mapping.sight import DepthView, look
+from seo_slam.mapping.thing import Thing
 from seo_slam.records import MapEvent
 
 VIEWS_REMEMBERED = 400

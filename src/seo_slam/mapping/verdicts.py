@@ -36,6 +36,9 @@ DETECTOR_SIDES = 3.5
 SURE_IT_IS = 4.0
 """Log odds, at most, that a landmark is something, from sightings alone."""
 
+SURE_BY_SIGHT = 0.4
+"""… and what each sighting adds to it at most: mistakes that stick to a place are found again, too."""
+
 SAME_SIDE = 0.25
 """What a verdict adds after another from the same side: a model shown the same picture errs the same way."""
 
@@ -49,12 +52,14 @@ class Verdict:
         kind: "confirm" or "doubt" of ``word``; "remove": nothing to be recognised; "name": it is a ``word``.
         word: the plain word, casefolded; "" for "remove".
         side: from where it was seen, a small number.
+        view: the keyframe that was looked at.
     """
 
     who: str
     kind: VerdictKind
     word: str
     side: int
+    view: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,19 +122,20 @@ class Verdicts:
         heard = self._heard.pop(landmark_id, None)
         return tuple(heard.verdicts) if heard else ()
 
-    def belief(self, landmark_id: int, existence: float, weights: Mapping[str, float]) -> Belief:
+    def belief(self, landmark_id: int, existence: float, observations: int, weights: Mapping[str, float]) -> Belief:
         """Weigh everything.
 
         Args:
             landmark_id: whose.
             existence: probability that it is there, from sightings.
+            observations: how many those were.
             weights: word -> summed score of the detections that said it.
         """
         heard = self._heard.setdefault(landmark_id, _Heard())
         named = sorted({w.casefold() for w in weights} | {v.word for v in heard.verdicts if v.kind == "name"} - {""})
         words = [*named, ANOTHER]
         there = float(np.clip(existence, 1e-3, 1.0 - 1e-3))
-        log_nothing = max(float(np.log(1.0 - there) - np.log(there)), -SURE_IT_IS)
+        log_nothing = max(float(np.log(1.0 - there) - np.log(there)), -SURE_IT_IS, -SURE_BY_SIGHT * observations)
         log_words = _log_shares(_detector_says(words, weights))  # given that it is something, whose log odds are 0
         for verdict, weight in zip(heard.verdicts, _side_weights(heard.verdicts), strict=True):
             a = self.reliability(verdict.who)

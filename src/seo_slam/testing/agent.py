@@ -1,12 +1,15 @@
 """Contract of an ``Agent``."""
 
-from collections.abc import Sequence
+import inspect
+from collections.abc import Awaitable, Sequence
+from typing import Any
 
 import numpy as np
 
+from seo_slam.agents.loop_thread import LoopThread
 from seo_slam.errors import AgentError
 from seo_slam.interfaces import Agent, AgentView
-from seo_slam.records import Confirm, Edit, Merge, Relabel, Remove
+from seo_slam.records import Confirm, Doubt, Edit, Merge, Relabel, Remove
 from seo_slam.testing.clauses import require
 from seo_slam.testing.worlds import T_WORLD_FIRST, tiny_boxes, tiny_frames, tiny_landmarks
 from seo_slam.types import Landmarks
@@ -30,18 +33,28 @@ def _propose(agent: Agent, landmarks: Landmarks) -> Sequence[Edit]:
     frame = tiny_frames(1)[0]
     image = frame.rgb.copy()
     try:
-        edits = agent.propose(AgentView(frame, T_WORLD_FIRST, landmarks, tiny_boxes(landmarks)))
+        edits: Any = agent.propose(AgentView(frame, T_WORLD_FIRST, landmarks, tiny_boxes(landmarks)))
+        if inspect.isawaitable(edits):
+            edits = _awaited(edits)
     except AgentError:
         return ()
     require(isinstance(edits, Sequence), agent, f"propose returned {type(edits).__name__}, wanted a sequence of edits; empty to abstain")
     require(np.array_equal(image, frame.rgb), agent, "propose changed the image; draw on a copy")
-    return edits
+    return list(edits)
+
+
+def _awaited(edits: Awaitable[Any]) -> Any:
+    thread = LoopThread()
+    try:
+        return thread.wait_for(edits)
+    finally:
+        thread.stop()
 
 
 def _check_edits(agent: Agent, landmarks: Landmarks) -> None:
     versions = dict(zip(landmarks.ids.tolist(), landmarks.versions.tolist(), strict=True))
     for edit in _propose(agent, landmarks):
-        require(isinstance(edit, Confirm | Relabel | Remove | Merge), agent, f"proposed a {type(edit).__name__}, which is no edit")
+        require(isinstance(edit, Confirm | Doubt | Relabel | Remove | Merge), agent, f"proposed a {type(edit).__name__}, which is no edit")
         named = (
             ((edit.keep_id, edit.keep_version), (edit.drop_id, edit.drop_version))
             if isinstance(edit, Merge)
