@@ -52,10 +52,7 @@ class AgentHost:
 
     def drain(self, timeout_s: float, keyframe_id: int, now_s: float) -> Judged:
         """Wait for the answers still out, at most so long, and judge them, quota or not."""
-        judged = self._judge(self._runner.drain(timeout_s), keyframe_id, now_s)
-        while self._desk.waiting:
-            judged.add(self._judge([], keyframe_id, now_s))
-        return judged
+        return self._judge(self._runner.drain(timeout_s), keyframe_id, now_s, heed_quota=False)
 
     def close(self) -> bool:
         """Cancel what is out and end the thread; True if it has ended."""
@@ -73,9 +70,9 @@ class AgentHost:
         age = {"p50": round(float(np.median(ages)), 6), "max": round(float(ages.max()), 6)}
         return {**self._runner.counts(), "edits": outcomes, "age_s": age}
 
-    def _judge(self, answers: Sequence[Answer], keyframe_id: int, now_s: float) -> Judged:
+    def _judge(self, answers: Sequence[Answer], keyframe_id: int, now_s: float, *, heed_quota: bool = True) -> Judged:
         proposals = [proposal for answer in answers for proposal in answer.proposals]
-        judged = self._desk.judge(proposals, keyframe_id, now_s)
+        judged = self._desk.judge(proposals, keyframe_id, now_s, heed_quota=heed_quota)
         judged.warnings[:0] = [answer.problem for answer in answers if answer.problem]
         for record in judged.records:
             self._outcomes[record.agent, record.kind, record.outcome] += 1

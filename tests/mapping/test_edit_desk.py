@@ -250,3 +250,25 @@ def test_what_was_said_of_what_is_gone_is_forgotten():
 
 def test_the_rails_are_on_unless_somebody_says_otherwise():
     assert EditSettings().rails
+
+
+def test_however_often_a_keyframe_asks_it_has_one_quota():
+    room = JudgedMap({k: (aside(0.3 * k), "cup") for k in range(8)}, quota=2)
+    for k in range(8):
+        room.objects[k].existence = 0.35
+    for k in range(8):
+        room.propose(room.remove(k), view=1)
+    assert len(room.ids()) == 6
+    room.propose(view=2)
+    assert len(room.ids()) == 4
+
+
+def test_at_the_end_of_a_run_nothing_waits():
+    room = JudgedMap({k: (aside(0.3 * k), "cup") for k in range(8)}, quota=2)
+    for k in range(8):
+        room.objects[k].existence = 0.35
+    room.propose(*(room.remove(k) for k in range(8)), view=1)
+    assert len(room.ids()) == 6
+    room.desk.judge([], 1, 2.0, heed_quota=False)
+    assert room.ids() == []
+    assert room.desk.waiting == 0

@@ -72,6 +72,7 @@ class EditDesk:
         self._embedder = embedder
         self._verdicts = Verdicts()
         self._waiting: deque[Proposal] = deque()
+        self._applied_at: dict[int, int] = {}  # the newest keyframe -> edits applied in it
         self._renamed_from: dict[tuple[int, int], int] = {}  # landmark and version after an agent renamed it -> version before
         self._merge_votes: dict[tuple[int, int], set[int]] = {}  # pair -> keyframes of the views that spoke for it
         self._labels: dict[tuple[int, str], str] = {}  # landmark and category -> the newest descriptive label of it
@@ -86,11 +87,12 @@ class EditDesk:
         """Whether no agent has said anything of a landmark."""
         return not self._verdicts.of(landmark_id)
 
-    def judge(self, proposals: Sequence[Proposal], keyframe_id: int, now_s: float) -> Judged:
-        """Judge proposals, older ones that wait first."""
+    def judge(self, proposals: Sequence[Proposal], keyframe_id: int, now_s: float, *, heed_quota: bool = True) -> Judged:
+        """Judge proposals, older ones that wait first; however often it is called, a keyframe has one quota."""
         self._waiting.extend(proposals)
-        out, applied = Judged(), 0
-        while self._waiting and applied < self._settings.quota:
+        out = Judged()
+        applied = self._applied_at.get(keyframe_id, 0)
+        while self._waiting and (applied < self._settings.quota or not heed_quota):
             proposal = self._waiting.popleft()
             before = self._rows(_ids_of(proposal.edit))
             try:
@@ -105,6 +107,7 @@ class EditDesk:
             changed = event is not None and event.kind != "confirmed"
             applied += int(changed)
             out.records.append(_record(proposal, event, outcome, detail, keyframe_id, now_s, before if changed else ()))
+        self._applied_at = {keyframe_id: applied}
         while len(self._waiting) > MOST_WAITING:
             dropped = self._waiting.popleft()
             out.records.append(_record(dropped, None, "refused", "too many edits wait", keyframe_id, now_s, ()))
