@@ -242,6 +242,23 @@ def test_a_background_runner_works_inside_a_running_loop():
     assert asyncio.run(inside()) == [0]
 
 
+def test_what_cancelled_work_starts_is_cancelled_too():
+    began, started = threading.Event(), []
+
+    async def work():
+        began.set()
+        try:
+            await asyncio.sleep(60.0)
+        finally:
+            started.append(asyncio.ensure_future(asyncio.sleep(60.0)))
+
+    thread = LoopThread()
+    thread.submit(work())
+    assert began.wait(SOON_S)
+    assert thread.stop(SOON_S)
+    assert started[0].cancelled()
+
+
 def test_a_loop_thread_may_be_stopped_twice_and_used_again():
     thread = LoopThread()
     assert thread.stop()

@@ -10,6 +10,8 @@ Result = TypeVar("Result")
 
 THREAD_NAME = "seo_slam agents"
 
+_CLEANING_UP_S = 0.5
+
 
 class LoopThread:
     """Runs coroutines in its thread. The thread starts with the first one and ends with ``stop``."""
@@ -51,11 +53,11 @@ def _run(loop: asyncio.AbstractEventLoop) -> None:
     asyncio.set_event_loop(loop)
     try:
         loop.run_forever()  # until stop
-        tasks = asyncio.all_tasks(loop)
-        for task in tasks:
-            task.cancel()
-        if tasks:
-            loop.run_until_complete(asyncio.wait(tasks, timeout=0.5))
+        deadline_s = loop.time() + _CLEANING_UP_S
+        while (tasks := asyncio.all_tasks(loop)) and (left_s := deadline_s - loop.time()) > 0:  # what is cancelled may start others
+            for task in tasks:
+                task.cancel()
+            loop.run_until_complete(asyncio.wait(tasks, timeout=left_s))
         loop.run_until_complete(loop.shutdown_asyncgens())
     finally:
         loop.close()
