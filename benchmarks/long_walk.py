@@ -1,4 +1,4 @@
-"""A walk through a simulated room, there and back for as long as is asked: new views of the same things, as long as there are to be questions."""
+"""A walk through a simulated room, there and back for as long as is asked: new views of the same things."""
 
 from collections.abc import Collection
 from typing import Any
@@ -15,7 +15,7 @@ from seo_slam.types import Frame
 
 
 class LongWalk(SimulatedRecording):
-    """A recording that goes on: at its end it turns round. Every picture is drawn once; noise of depth, odometry and detector is new each time."""
+    """A recording that turns round at its ends. Every picture is drawn once; noise of depth, odometry and detector is new each time."""
 
     def __init__(self, once: SimulatedRecording, frames: int) -> None:
         """Go through ``once``, a recording of a scene that does not change, forth and back until there are ``frames``."""
@@ -62,7 +62,7 @@ class LongWalk(SimulatedRecording):
 
 
 def turning(length: int, count: int) -> np.ndarray[Any, np.dtype[np.int64]]:
-    """Return (count,) 0, 1, … length - 1, length - 2, … 0, 1, …"""
+    """Return (count,) numbers that go up to ``length - 1`` and down to 0, and again."""
     at = np.arange(count) % (2 * length - 2)
     return np.minimum(at, 2 * length - 2 - at)
 

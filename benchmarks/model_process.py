@@ -1,4 +1,4 @@
-"""Simulated models behind HTTP in a process of their own, as a real one is: what they do to think takes nothing from the robot's process."""
+"""Simulated models behind HTTP, in a process of their own: what they do to think takes nothing from the robot's process."""
 
 import multiprocessing
 from collections.abc import Iterator

@@ -67,7 +67,7 @@ def step_times(job: Job, config: Config, pace: Pace) -> dict[str, Any]:
             process = context.Process(target=_step_when_told, args=(there, job, of_side, pace.frames), name=name, daemon=True)
             process.start()
             there.close()
-            stack.callback(process.kill)
+            stack.callback(_end, process)
         for connection in connections.values():
             if not connection.poll(START_S) or connection.recv() != "ready":
                 raise RuntimeError("a pipeline did not come up")
@@ -123,6 +123,12 @@ def _in_turn(connections: dict[str, Connection], pace: Pace) -> dict[str, list[S
         for name in list(connections) if index % 2 == 0 else list(connections)[::-1]:
             steps[name].append(_asked(connections[name], index))
     return steps
+
+
+def _end(process: Any) -> None:
+    process.join(5.0)
+    process.kill()
+    process.join()
 
 
 def _asked(connection: Connection, message: Any) -> Any:
