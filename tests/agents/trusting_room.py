@@ -110,6 +110,9 @@ def _merge(question):
 RIGHT_ANSWERS = scripted(verification=_verify, description=_describe, merging=_merge)
 """What a model says that sees everything as it is."""
 
+CALM = scripted()
+"""What changes nothing."""
+
 
 @dataclass(frozen=True)
 class Ran:
