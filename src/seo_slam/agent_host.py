@@ -16,7 +16,7 @@ from seo_slam.interfaces import Agent, AgentView, Embedder, Evidence, Smoother
 from seo_slam.mapping.edit_desk import EditDesk, Judged
 from seo_slam.mapping.object_map import ObjectMap
 from seo_slam.perception.labels import clean_label
-from seo_slam.records import Relabel
+from seo_slam.records import MapEvent, Relabel
 from seo_slam.types import Frame, IntArray, Landmarks
 
 _RUNNERS: dict[str, Callable[[Sequence[Agent], RunnerSettings], AgentRunner]] = {"inline": InlineRunner, "virtual": VirtualTimeRunner}
@@ -37,10 +37,15 @@ class AgentHost:
         self._outcomes: Counter[tuple[str, str, str]] = Counter()
         self._ages_s: list[float] = []
 
-    def step(self, frame: Frame, T_world_camera: FloatArray, keyframe_id: int) -> Judged:
-        """Judge what has come, hand out a new view if it is wanted, and judge what came of that at once."""
+    def step(self, frame: Frame, T_world_camera: FloatArray, keyframe_id: int, events: Sequence[MapEvent] = ()) -> Judged:
+        """Judge what has come, hand out a new view if it is wanted, and judge what came of that at once.
+
+        A view is also handed out, whatever their pace, when ``events`` say that a landmark became stable: it is to be seen here, and
+        perhaps not in the next view.
+        """
         judged = self.poll(keyframe_id, frame.timestamp_s)
-        if frame.has_depth and self._runner.wants_view(frame.timestamp_s):
+        anything_new = any(event.kind in ("stable", "found") for event in events)
+        if frame.has_depth and (anything_new or self._runner.wants_view(frame.timestamp_s)):
             self._runner.show(self._view(frame, T_world_camera, keyframe_id))
             later = self.poll(keyframe_id, frame.timestamp_s)
             judged.add(later)

@@ -333,7 +333,7 @@ class Pipeline:
         edits: list[EditRecord] = []
         if parts.agents:
             with clock.stage("agents"):
-                judged = self._agents.step(frame, self._estimate.T_world_camera, self._keyframe_id)
+                judged = self._agents.step(frame, self._estimate.T_world_camera, self._keyframe_id, events)
             events, edits = events + judged.events, judged.records
             warnings += judged.warnings
         with clock.stage("store"):
