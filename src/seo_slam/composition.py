@@ -61,6 +61,12 @@ def compose(config: Config, given: Mapping[str, Any], agents: Sequence[Any] | No
         "likelihood": LabelLikelihood(embedder),
         "seed": config.seed,
     }
+    seeing = {
+        "embedder": embedder,
+        "likelihood": context["likelihood"],
+        "seed": config.seed,
+        "depth_noise_at_1m_m": config.lifting.depth_noise_at_1m_m,
+    }
     return Parts(
         detector=_part("detector", given.get("detector"), config.detector, seed=config.seed),
         odometry=_part("odometry", given.get("odometry"), config.odometry, seed=config.seed),
@@ -68,7 +74,7 @@ def compose(config: Config, given: Mapping[str, Any], agents: Sequence[Any] | No
         smoother=_part("smoother", given.get("smoother"), config.smoother, settings=config.graph),
         embedder=embedder,
         store=_part("store", given.get("store"), config.store),
-        agents=tuple(_part("agent", agent, Component(name="")) for agent in (config.agents if agents is None else agents)),
+        agents=tuple(_part("agent", agent, Component(name=""), **seeing) for agent in (config.agents if agents is None else agents)),
     )
 
 

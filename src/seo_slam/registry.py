@@ -30,6 +30,9 @@ _BUILT_IN: dict[str, dict[str, str]] = {
         "nearest": "seo_slam.association.nearest:NearestAssociator",
     },
     "agent": {
+        "local_verification": "seo_slam.agents.local_verification:LocalVerification",
+        "local_description": "seo_slam.agents.local_description:LocalDescription",
+        "local_merging": "seo_slam.agents.local_merging:LocalMerging",
         "verification": "seo_slam.agents.verification:VerificationAgent",
         "description": "seo_slam.agents.description:DescriptionAgent",
         "merging": "seo_slam.agents.merging:MergingAgent",

@@ -67,7 +67,7 @@ def look_at(landmark_id: int, view: AgentView, noise: float) -> Look | None:
     if patch is None:
         return None
     contrast = colour_contrast(patch)
-    relief = relief_of(patch, _surface_px(landmark_id, view), noise) if contrast is not None else None
+    relief = relief_of(patch, surface_px(landmark_id, view), noise) if contrast is not None else None
     return Look(relief.going_on, relief.own, contrast) if relief is not None and contrast is not None else None
 
 
@@ -88,6 +88,11 @@ def version_of(landmark_id: int, view: AgentView) -> int:
     return int(view.landmarks.versions[int(np.searchsorted(view.landmarks.ids, landmark_id))])
 
 
+def observations_of(landmark_id: int, view: AgentView) -> int:
+    """Return in how many keyframes a landmark was seen."""
+    return int(view.landmarks.observations[int(np.searchsorted(view.landmarks.ids, landmark_id))])
+
+
 @dataclass(slots=True)
 class LooksAtOne:
     """All looks at one landmark.
@@ -97,12 +102,16 @@ class LooksAtOne:
         by_side: side -> log ratios of the looks from there.
         tried: side -> looks tried, with or without a result.
         was_there: it has surely been a thing: if nothing stands out any more, it is gone, which others find out.
+        confirmed: it was passed on, to be described and merged.
+        doubts: words that it should have had instead of its own, and from which side that was said.
     """
 
     p_world: FloatArray
     by_side: dict[int, list[float]] = field(default_factory=dict)
     tried: dict[int, int] = field(default_factory=dict)
     was_there: bool = False
+    confirmed: bool = False
+    doubts: set[tuple[str, int]] = field(default_factory=set)
 
     def add(self, side: int, log_ratio: float) -> None:
         """Take a look's result."""
@@ -118,8 +127,8 @@ def added_up(sides: Iterable[list[float]]) -> float:
     return float(sum(np.mean(side) * (1.0 + SAME_SIDE * (len(side) - 1)) for side in sides if side))
 
 
-def _surface_px(landmark_id: int, view: AgentView) -> FloatArray:
-    """(M, 3) surface points in the image: column, row, depth."""
+def surface_px(landmark_id: int, view: AgentView) -> FloatArray:
+    """Return (M, 3) points of a landmark's surface: pixel column, row, and depth in metres; those behind the camera are left out."""
     evidence = view.evidence.get(landmark_id)
     if evidence is None or not len(evidence.surface_world):
         return np.zeros((0, 3))

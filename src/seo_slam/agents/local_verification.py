@@ -1,15 +1,17 @@
 """Is anything there? The verification agent that asks no model: it looks at depth and colour around each landmark."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from seo_slam.agents.local_looks import LooksAtOne, look_at, place_of, side_of, version_of
+from seo_slam.agents.local_looks import LooksAtOne, look_at, observations_of, place_of, side_of, version_of
+from seo_slam.agents.word_choice import leading_words, word_doubted
+from seo_slam.association.label_likelihood import LabelLikelihood
 from seo_slam.errors import ConfigError
 from seo_slam.geometry import FloatArray
-from seo_slam.interfaces import Agent, AgentRole, AgentView
-from seo_slam.records import Confirm, Edit, Remove
+from seo_slam.interfaces import Agent, AgentView
+from seo_slam.records import AgentRole, Confirm, Doubt, Edit, Remove
 
 LOOKS_A_SIDE = 4
 """More looks from one side would say the same again."""
@@ -23,6 +25,12 @@ SURELY_THERE = -2.0
 WAS_THERE = -3.5
 """Once it was as low as this, there was a thing."""
 
+UNSEEN = 2
+"""A landmark of which so many looks came to nothing, since it fills the image or gives no depth, is passed on as it is."""
+
+SETTLED = 8
+"""Observations from which the word that was said most is trusted to stay; before, a landmark is neither confirmed nor described."""
+
 ELSEWHERE_M = 0.3
 """A landmark this far from where it was looked at has moved: what was seen was another place."""
 
@@ -32,7 +40,7 @@ SAME_PLACE_M = 0.1
 
 
 class LocalVerification(Agent):
-    """Finds landmarks of which nothing stands out, neither in depth nor in colour: posters, boxes and bags that detectors see in bare walls.
+    """Finds landmarks of which nothing stands out, neither in depth nor in colour: things that detectors see in bare walls and floors.
 
     A landmark's own surface points lie on a plane that goes on around its box, and no colour in the box is new: then there is nothing.
     It is proposed for removal when that holds over several looks, and confirmed when something stands out. A thing that stood out once is
@@ -41,13 +49,20 @@ class LocalVerification(Agent):
 
     role: AgentRole = "verification"
 
-    def __init__(self, depth_noise_at_1m_m: float = 0.0019, looks_a_view: int = 4, most_remembered: int = 5000) -> None:
+    def __init__(
+        self,
+        depth_noise_at_1m_m: float = 0.0019,
+        looks_a_view: int = 4,
+        most_remembered: int = 5000,
+        likelihood: LabelLikelihood | None = None,
+    ) -> None:
         """Take how noisy depth is.
 
         Args:
             depth_noise_at_1m_m: standard deviation of depth at 1 m; it grows with depth squared (a Kinect's).
             looks_a_view: landmarks looked at in a view, those seen least from its side first: what bounds its time.
             most_remembered: landmarks whose looks are kept; beyond them the oldest are forgotten.
+            likelihood: compares words; a pipeline gives its own. None: different words mean different things.
 
         Raises:
             ConfigError: one of them is not above 0.
@@ -55,11 +70,11 @@ class LocalVerification(Agent):
         if not depth_noise_at_1m_m > 0 or looks_a_view < 1 or most_remembered < 1:
             got = f"{depth_noise_at_1m_m}, {looks_a_view}, {most_remembered}"
             raise ConfigError(f"local_verification: depth_noise_at_1m_m, looks_a_view and most_remembered must be above 0, got {got}")
+        self._likelihood = likelihood
         self._noise = depth_noise_at_1m_m
         self._looks_a_view = looks_a_view
         self._most_remembered = most_remembered
         self._looks: dict[int, LooksAtOne] = {}
-        self._confirmed: dict[int, int] = {}  # landmark -> version
 
     @property
     def name(self) -> str:
@@ -67,43 +82,56 @@ class LocalVerification(Agent):
         return "local verification"
 
     def propose(self, view: AgentView) -> Sequence[Edit]:
-        """Return ``Remove`` for what is nothing, ``Confirm`` for what is something; nothing where it cannot tell or has said it before."""
+        """Return ``Remove`` for what is nothing, ``Confirm`` for what is something; nothing where it cannot tell or has said it before.
+
+        A landmark that has another word than the detector said most, since agents named it before, is doubted.
+        """
+        asked = view.asked or tuple(view.boxes_px)
         due = []
-        for landmark_id in view.asked or tuple(view.boxes_px):
+        for landmark_id in asked:
             looks, side = self._looks_at(landmark_id, view), side_of(landmark_id, view)
             if looks.tried.get(side, 0) < LOOKS_A_SIDE:
                 due.append((looks.tried.get(side, 0), sum(looks.tried.values()), landmark_id, side))
-        edits: list[Edit] = []
-        for _, _, landmark_id, side in sorted(due)[: self._looks_a_view]:
-            edit = self._judge(landmark_id, side, view)
-            if edit is not None:
-                edits.append(edit)
-        while len(self._looks) > self._most_remembered:
-            oldest = next(iter(self._looks))
-            del self._looks[oldest]
-            self._confirmed.pop(oldest, None)
-        return edits
+        denied = [i for _, _, i, side in sorted(due)[: self._looks_a_view] if self._denies(i, side, view)]
+        leading = leading_words(view.landmarks)
+        edits = [self._denied(i, view) if i in denied else self._confirmed_or_doubted(i, view, leading) for i in asked]
+        self._forget_oldest()
+        return [edit for edit in edits if edit is not None]
 
-    def _judge(self, landmark_id: int, side: int, view: AgentView) -> Edit | None:
-        looks, version = self._looks[landmark_id], version_of(landmark_id, view)
+    def _denies(self, landmark_id: int, side: int, view: AgentView) -> bool:
+        """Look at a landmark; whether there is nothing."""
+        looks = self._looks[landmark_id]
         looks.tried[side] = looks.tried.get(side, 0) + 1
         look = look_at(landmark_id, view, self._noise)
         if look is None:
-            cannot_tell = not looks.by_side and looks.tried[side] == LOOKS_A_SIDE
-            return self._confirm(landmark_id, version) if cannot_tell else None
+            return False
         looks.add(side, look.nothing())
-        total = looks.total()
-        looks.was_there |= total <= WAS_THERE
-        if look.nothing() > 0:
-            return Remove(landmark_id, version, self.name) if total >= SURELY_NOTHING and not looks.was_there else None
-        return self._confirm(landmark_id, version) if total <= SURELY_THERE else None
+        looks.was_there |= looks.total() <= WAS_THERE
+        return look.nothing() > 0 and looks.total() >= SURELY_NOTHING and not looks.was_there
 
-    def _confirm(self, landmark_id: int, version: int) -> Edit | None:
-        """Confirm a version once: that lets a landmark go on to be described and merged, and says nothing new the second time."""
-        if self._confirmed.get(landmark_id) == version:
+    def _denied(self, landmark_id: int, view: AgentView) -> Edit:
+        return Remove(landmark_id, version_of(landmark_id, view), self.name)
+
+    def _confirmed_or_doubted(self, landmark_id: int, view: AgentView, leading: Mapping[str, int]) -> Edit | None:
+        """Confirm what is there once it was seen often enough to have a word; doubt another word that it has, once a side."""
+        looks, version = self._looks[landmark_id], version_of(landmark_id, view)
+        seen = looks.total() <= SURELY_THERE and observations_of(landmark_id, view) >= SETTLED
+        if not looks.confirmed and not seen and not (not looks.by_side and sum(looks.tried.values()) >= UNSEEN):
             return None
-        self._confirmed[landmark_id] = version
+        word = word_doubted(landmark_id, view, leading, self._likelihood)
+        doubt = (word, side_of(landmark_id, view))
+        if word and doubt not in looks.doubts:
+            looks.doubts.add(doubt)
+            looks.confirmed = True
+            return Doubt(landmark_id, version, self.name)
+        if looks.confirmed:
+            return None
+        looks.confirmed = True
         return Confirm(landmark_id, version, self.name)
+
+    def _forget_oldest(self) -> None:
+        while len(self._looks) > self._most_remembered:
+            del self._looks[next(iter(self._looks))]
 
     def _looks_at(self, landmark_id: int, view: AgentView) -> LooksAtOne:
         """The looks at a landmark, none if it has moved."""
@@ -120,5 +148,5 @@ class LocalVerification(Agent):
         present = {int(i) for i in view.landmarks.ids}
         for old_id, looks in self._looks.items():
             if old_id not in present and float(np.linalg.norm(looks.p_world - place)) <= SAME_PLACE_M:
-                return replace(looks, p_world=place.copy(), tried={})
+                return replace(looks, p_world=place.copy(), tried={}, confirmed=False, doubts=set())
         return None
