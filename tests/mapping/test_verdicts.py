@@ -4,6 +4,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from seo_slam.mapping import verdicts
 from seo_slam.mapping.verdicts import ANOTHER, Verdict, Verdicts
 
 WORDS = ("cup", "mug", "book")
@@ -151,3 +152,16 @@ def test_what_was_said_is_forgotten_with_the_landmark_but_not_who_was_right():
     assert heard.of(100) == ()
     assert heard.forget(100) == ()
     assert heard.reliability("good m") == before
+
+
+def test_a_long_run_makes_believing_no_dearer(monkeypatch):
+    calls = []
+    monkeypatch.setattr(verdicts, "_chance", lambda *args: calls.append(args) or 0.5)
+    heard, asked = Verdicts(), []
+    for view in range(400):
+        heard.hear(0, Verdict("a m", "confirm", "cup", view % 4, view))
+        calls.clear()
+        weigh(heard)
+        asked.append(len(calls))
+    assert asked[3] == asked[-1]
+    assert len(heard.of(0)) == 400

@@ -7,7 +7,7 @@ rate a model). For every landmark the explanations compete that it is nothing, o
 
 from collections import Counter, defaultdict
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -81,7 +81,12 @@ class Belief:
 @dataclass(slots=True)
 class _Heard:
     verdicts: list[Verdict] = field(default_factory=list)
+    counts: Counter[Verdict] = field(default_factory=Counter)  # the same without their views: few, however long a run is
     right: dict[str, tuple[float, float]] = field(default_factory=dict)  # who -> expected number of right verdicts, number of all
+
+    def hear(self, verdict: Verdict) -> None:
+        self.verdicts.append(verdict)
+        self.counts[replace(verdict, view=0)] += 1
 
 
 class Verdicts:
@@ -95,7 +100,7 @@ class Verdicts:
 
     def hear(self, landmark_id: int, verdict: Verdict) -> None:
         """Take a verdict."""
-        self._heard.setdefault(landmark_id, _Heard()).verdicts.append(verdict)
+        self._heard.setdefault(landmark_id, _Heard()).hear(verdict)
 
     def of(self, landmark_id: int) -> tuple[Verdict, ...]:
         """Everything said of a landmark, oldest first."""
@@ -111,7 +116,10 @@ class Verdicts:
         dropped = self._heard.get(drop_id)
         if dropped is not None:
             self.forget(drop_id)
-            self._heard.setdefault(keep_id, _Heard()).verdicts += [v for v in dropped.verdicts if v.kind != "remove"]
+            kept = self._heard.setdefault(keep_id, _Heard())
+            for verdict in dropped.verdicts:
+                if verdict.kind != "remove":
+                    kept.hear(verdict)
 
     def known(self) -> set[int]:
         """Ids of landmarks of which something was said."""
@@ -132,12 +140,12 @@ class Verdicts:
             weights: word -> summed score of the detections that said it.
         """
         heard = self._heard.setdefault(landmark_id, _Heard())
-        named = sorted({w.casefold() for w in weights} | {v.word for v in heard.verdicts if v.kind == "name"} - {""})
+        named = sorted({w.casefold() for w in weights} | {v.word for v in heard.counts if v.kind == "name"} - {""})
         words = [*named, ANOTHER]
         there = float(np.clip(existence, 1e-3, 1.0 - 1e-3))
         log_nothing = max(float(np.log(1.0 - there) - np.log(there)), -SURE_IT_IS, -SURE_BY_SIGHT * observations)
         log_words = _log_shares(_detector_says(words, weights))  # given that it is something, whose log odds are 0
-        for verdict, weight in zip(heard.verdicts, _side_weights(heard.verdicts), strict=True):
+        for verdict, weight in _weights(heard.counts):
             a = self.reliability(verdict.who)
             log_nothing += weight * np.log(_chance(verdict, None, a))
             log_words += weight * np.log([_chance(verdict, word, a) for word in words])
@@ -152,9 +160,9 @@ class Verdicts:
             self._right[who] -= right
             self._all[who] -= number
         heard.right = {}
-        for verdict in heard.verdicts:
+        for verdict, times in heard.counts.items():
             right, number = heard.right.get(verdict.who, (0.0, 0.0))
-            heard.right[verdict.who] = (right + _chance_right(verdict, belief), number + 1.0)
+            heard.right[verdict.who] = (right + times * _chance_right(verdict, belief), number + times)
         for who, (right, number) in heard.right.items():
             self._right[who] += right
             self._all[who] += number
@@ -194,13 +202,15 @@ def _detector_says(words: list[str], weights: Mapping[str, float]) -> FloatArray
     return np.array([DETECTOR_SIDES * shares[word] for word in words], dtype=np.float64)
 
 
-def _side_weights(verdicts: list[Verdict]) -> list[float]:
+def _weights(counts: Mapping[Verdict, int]) -> list[tuple[Verdict, float]]:
     """The first verdict of a model from a side counts whole, the next ones little; of kinds that contradict, each by its share."""
-    number: Counter[tuple[str, bool, int]] = Counter((v.who, v.kind == "name", v.side) for v in verdicts)
+    number: Counter[tuple[str, bool, int]] = Counter()
+    for verdict, times in counts.items():
+        number[verdict.who, verdict.kind == "name", verdict.side] += times
     weights = []
-    for verdict in verdicts:
+    for verdict, times in counts.items():
         n = number[verdict.who, verdict.kind == "name", verdict.side]
-        weights.append((1.0 + SAME_SIDE * (n - 1)) / n)
+        weights.append((verdict, times * (1.0 + SAME_SIDE * (n - 1)) / n))
     return weights
 
 
