@@ -103,7 +103,7 @@ class LooksAtOne:
         tried: side -> looks tried, with or without a result.
         was_there: it has surely been a thing: if nothing stands out any more, it is gone, which others find out.
         confirmed: it was passed on, to be described and merged.
-        doubts: words that it should have had instead of its own, and from which side that was said.
+        doubts: word that it should have had instead of its own, and side -> how often that was said.
     """
 
     p_world: FloatArray
@@ -111,7 +111,7 @@ class LooksAtOne:
     tried: dict[int, int] = field(default_factory=dict)
     was_there: bool = False
     confirmed: bool = False
-    doubts: set[tuple[str, int]] = field(default_factory=set)
+    doubts: dict[tuple[str, int], int] = field(default_factory=dict)
 
     def add(self, side: int, log_ratio: float) -> None:
         """Take a look's result."""

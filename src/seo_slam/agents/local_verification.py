@@ -31,6 +31,9 @@ UNSEEN = 2
 SETTLED = 8
 """Observations from which the word that was said most is trusted to stay; before, a landmark is neither confirmed nor described."""
 
+DOUBTS_A_SIDE = 4
+"""A word is doubted so often from one side for the sake of another one; the map need not agree."""
+
 ELSEWHERE_M = 0.3
 """A landmark this far from where it was looked at has moved: what was seen was another place."""
 
@@ -113,15 +116,15 @@ class LocalVerification(Agent):
         return Remove(landmark_id, version_of(landmark_id, view), self.name)
 
     def _confirmed_or_doubted(self, landmark_id: int, view: AgentView, leading: Mapping[str, int]) -> Edit | None:
-        """Confirm what is there once it was seen often enough to have a word; doubt another word that it has, once a side."""
+        """Confirm what is there once it was seen often enough to have a word; doubt another word that it has."""
         looks, version = self._looks[landmark_id], version_of(landmark_id, view)
         seen = looks.total() <= SURELY_THERE and observations_of(landmark_id, view) >= SETTLED
         if not looks.confirmed and not seen and not (not looks.by_side and sum(looks.tried.values()) >= UNSEEN):
             return None
         word = word_doubted(landmark_id, view, leading, self._likelihood)
         doubt = (word, side_of(landmark_id, view))
-        if word and doubt not in looks.doubts:
-            looks.doubts.add(doubt)
+        if word and looks.doubts.get(doubt, 0) < DOUBTS_A_SIDE:
+            looks.doubts[doubt] = looks.doubts.get(doubt, 0) + 1
             looks.confirmed = True
             return Doubt(landmark_id, version, self.name)
         if looks.confirmed:
@@ -148,5 +151,5 @@ class LocalVerification(Agent):
         present = {int(i) for i in view.landmarks.ids}
         for old_id, looks in self._looks.items():
             if old_id not in present and float(np.linalg.norm(looks.p_world - place)) <= SAME_PLACE_M:
-                return replace(looks, p_world=place.copy(), tried={}, confirmed=False, doubts=set())
+                return replace(looks, p_world=place.copy(), tried={}, confirmed=False, doubts={})
         return None

@@ -16,7 +16,7 @@ KNOWN_TIMES = 1.5
 """Among words of one meaning, one that leads at another landmark weighs so many times as much: alike things get alike words."""
 
 
-DOUBT_TIMES = 1.2
+DOUBT_TIMES = 1.1
 """A word must have been said so much more than the one that a landmark has before that one is doubted."""
 
 
