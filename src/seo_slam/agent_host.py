@@ -1,5 +1,6 @@
 """Between the pipeline and its agents: makes views, lets them be asked about, and has the answers judged."""
 
+import threading
 from collections import Counter
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -55,9 +56,13 @@ class AgentHost:
         """Judge what has come since the last time; waits for nothing."""
         return self._judge(self._runner.poll(now_s), keyframe_id, now_s)
 
-    def drain(self, timeout_s: float, keyframe_id: int, now_s: float) -> Judged:
+    def drain(self, timeout_s: float, keyframe_id: int, now_s: float, stop: threading.Event | None = None) -> Judged:
         """Wait for the answers still out, at most so long, and judge them, quota or not."""
-        return self._judge(self._runner.drain(timeout_s), keyframe_id, now_s, heed_quota=False)
+        judged = self._judge(self._runner.drain(timeout_s, stop), keyframe_id, now_s, heed_quota=False)
+        out = self._runner.out
+        if out and not (stop is not None and stop.is_set()):
+            judged.warnings.append(f"agents: no answer to {out} question{'s' * (out > 1)} within {timeout_s:g} s of the last frame")
+        return judged
 
     def close(self) -> bool:
         """Cancel what is out and end the thread; True if it has ended."""

@@ -1,5 +1,6 @@
 """SEO-SLAM's main loop: one frame in, one result out, nothing else happens (paper III-A, III-B)."""
 
+import threading
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -154,14 +155,15 @@ class Pipeline:
         """Apply what agents have answered since the last frame, when no frame comes; waits for nothing."""
         return self._amend(self._agents.poll(self._keyframe_id, self._last_stamp_s)) if self._path else ()
 
-    def drain(self, timeout_s: float | None = None) -> tuple[EditRecord, ...]:
+    def drain(self, timeout_s: float | None = None, stop: threading.Event | None = None) -> tuple[EditRecord, ...]:
         """Wait for the agents' last answers and apply them; to be called at the end of a recording, before ``result``.
 
         Args:
             timeout_s: at most so long (recorded seconds where time is virtual); None: ``runner.drain_s``.
+            stop: ends the waiting when it is set, from another thread or a signal handler.
         """
         longest_s = self.config.runner.drain_s if timeout_s is None else timeout_s
-        return self._amend(self._agents.drain(longest_s, self._keyframe_id, self._last_stamp_s)) if self._path else ()
+        return self._amend(self._agents.drain(longest_s, self._keyframe_id, self._last_stamp_s, stop)) if self._path else ()
 
     def _amend(self, judged: Judged) -> tuple[EditRecord, ...]:
         """Keep what agents changed between keyframes."""

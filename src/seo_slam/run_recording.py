@@ -89,7 +89,7 @@ def run_recording(
                 detections.close()
         if complete:
             with pipeline.clock.stage("drain"):
-                seen.observe_edits(pipeline.drain())
+                seen.observe_edits(pipeline.drain(stop=interrupted))  # every frame is mapped: the run is complete all the same
         result = pipeline.result()
         settings = pipeline.config.model_dump(mode="json") if config is None else config
         run = describe_run(result, dataset=dataset, config=settings, complete=complete)

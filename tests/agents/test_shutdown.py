@@ -17,6 +17,9 @@ import wall_of_pictures as wall
 from seo_slam.agents.description import DescriptionAgent
 from seo_slam.agents.loop_thread import THREAD_NAME
 from seo_slam.backends.openai_chat import OpenAIChat
+from seo_slam.backends.sqlite_store import SqliteStore
+from seo_slam.map import Map
+from seo_slam.run_recording import run_recording
 from seo_slam.testing import ChatServer, Hang, scripted
 
 HANGING = 64
@@ -143,8 +146,41 @@ def test_when_draining_takes_too_long(hanging):
         drive(running, hanging)
         assert running.drain(0.05) == ()
         result = running.result()
+        assert result.warnings == {"agents: no answer to 64 questions within 0.05 s of the last frame": 1}
         closed_in_time(running.close)
     assert len(result.map.landmarks) == HANGING
+
+
+def test_an_event_ends_the_draining(hanging):
+    with pipeline_over(hanging) as running:
+        drive(running, hanging)
+        stop = threading.Event()
+        threading.Timer(0.1, stop.set).start()
+        assert running.drain(600.0, stop) == ()
+        assert running.result().warnings == {}
+        closed_in_time(running.close)
+
+
+def test_ctrl_c_ends_the_waiting_for_last_answers_and_the_result_is_whole(hanging, tmp_path):
+    """All frames are mapped; the first Ctrl-C ends what is only waiting."""
+    running = wall.pipeline(8, 8, [describing(hanging)], mode="background", store=SqliteStore(tmp_path / "map.db"), drain_s=600.0)
+    helper = threading.Thread(target=interrupt_when_asked, args=(hanging, HANGING))
+    helper.start()
+    finished = run_recording(wall.frames(FRAMES), running, tmp_path, dataset="wall")
+    helper.join()
+    assert finished.complete
+    assert len(Map.load(tmp_path).landmarks) == HANGING
+    assert (tmp_path / "report.html").is_file()
+    assert ours() == []
+
+
+def interrupt_when_asked(server, questions):
+    """Press Ctrl-C when so many questions hang, and a while has gone by."""
+    deadline = time.monotonic() + SOON_S
+    while server.in_flight < questions and time.monotonic() < deadline:
+        time.sleep(0.01)
+    time.sleep(0.5)
+    os.kill(os.getpid(), signal.SIGINT)
 
 
 def test_while_everybody_waits_for_the_probe(hanging):
@@ -170,21 +206,11 @@ def test_with_a_name_that_is_looked_up(hanging):
 
 def test_an_interrupt_ends_a_run_that_waits_for_an_answer(hanging):
     """Ctrl-C while the main thread waits: keyframes wait for their agents in this mode."""
-    begun = threading.Event()
-
-    def interrupt():
-        deadline = time.monotonic() + SOON_S
-        while hanging.in_flight < 1 and time.monotonic() < deadline:
-            time.sleep(0.01)
-        begun.set()
-        os.kill(os.getpid(), signal.SIGINT)
-
-    helper = threading.Thread(target=interrupt)
+    helper = threading.Thread(target=interrupt_when_asked, args=(hanging, 1))
     helper.start()
     with pytest.raises(KeyboardInterrupt), pipeline_over(hanging, mode="inline") as running:
         list(running.stream(wall.frames(FRAMES)))
     helper.join()
-    assert begun.is_set()
     assert ours() == []
 
 
@@ -194,6 +220,9 @@ sys.path[:0] = {path!r}
 import wall_of_pictures as wall
 from seo_slam.agents.description import DescriptionAgent
 from seo_slam.backends.openai_chat import OpenAIChat
+from seo_slam.backends.sqlite_store import SqliteStore
+from seo_slam.map import Map
+from seo_slam.run_recording import run_recording
 agent = DescriptionAgent(OpenAIChat("m", {url!r}, reply_format="json_schema", timeout_s=600.0, deadline_s=600.0))
 with wall.pipeline(8, 8, [agent], mode="background") as running:
     for frame in wall.frames({frames}):

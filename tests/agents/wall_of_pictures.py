@@ -33,9 +33,19 @@ class GridDetector:
         return Detections(boxes, labels, np.full(len(labels), 0.9))
 
 
-def pipeline(rows, columns, agents=(), *, most_frames=64, mode="inline", **settings):
+def pipeline(rows, columns, agents=(), *, most_frames=64, mode="inline", drain_s=30.0, store=None, **settings):
     """A pipeline over ``frames(…)``."""
     path = Trajectory(np.round(0.1 * np.arange(most_frames), 6), np.tile(T_WORLD_FIRST, (most_frames, 1, 1)))
-    config = {"runner": {"view_period_s": 0.0, "mode": mode, "in_flight": 64}, "keyframes": {"period_s": 0.1}, **settings}
+    config = {
+        "runner": {"view_period_s": 0.0, "mode": mode, "in_flight": 64, "drain_s": drain_s},
+        "keyframes": {"period_s": 0.1},
+        **settings,
+    }
     odometry = RecordedOdometry(path, sigma_m=0.002, sigma_deg=0.05)
-    return tiny_run.pipeline(config=config, detector=GridDetector(rows, columns), odometry=odometry, agents=list(agents))
+    return tiny_run.pipeline(
+        config=config,
+        detector=GridDetector(rows, columns),
+        odometry=odometry,
+        agents=list(agents),
+        **({} if store is None else {"store": store}),
+    )

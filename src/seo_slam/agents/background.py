@@ -61,11 +61,11 @@ class BackgroundRunner(Asking):
             out.append(self._answers.popleft())
         return out
 
-    def drain(self, timeout_s: float) -> list[Answer]:
+    def drain(self, timeout_s: float, stop: threading.Event | None = None) -> list[Answer]:
         """See ``AgentRunner``."""
         deadline = time.monotonic() + timeout_s
         while not self._idle.wait(max(min(0.05, deadline - time.monotonic()), 0.0)):
-            if time.monotonic() >= deadline:
+            if time.monotonic() >= deadline or (stop is not None and stop.is_set()):
                 break
         return self.poll(0.0)
 

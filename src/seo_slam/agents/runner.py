@@ -1,5 +1,6 @@
 """Who asks the agents when: at once, in the background, or in recorded time. One interface, so that the pipeline need not know."""
 
+import threading
 from collections.abc import Sequence
 from typing import Any, Protocol
 
@@ -25,8 +26,18 @@ class AgentRunner(Protocol):
         """Return what was answered until this stamp, in the order of asking or arrival. Waits for nothing in the background."""
         ...
 
-    def drain(self, timeout_s: float) -> list[Answer]:
-        """Wait for the answers still out, at most so long, and return them. Nothing new is asked but what follows from them."""
+    def drain(self, timeout_s: float, stop: threading.Event | None = None) -> list[Answer]:
+        """Wait for the answers still out, at most so long, and return them. Nothing new is asked but what follows from them.
+
+        Args:
+            timeout_s: seconds; recorded ones where time is virtual.
+            stop: ends the waiting when it is set.
+        """
+        ...
+
+    @property
+    def out(self) -> int:
+        """How many questions have no answer yet."""
         ...
 
     def close(self) -> bool:
@@ -72,6 +83,11 @@ class Asking:
         if answer.ends_agent:
             self.chain.stop_asking(answer.query.agent)
 
+    @property
+    def out(self) -> int:
+        """See ``AgentRunner``."""
+        return sum(counts.asked - counts.answered - counts.failed for counts in self._counts)
+
     def counts(self) -> dict[str, Any]:
         """See ``AgentRunner``."""
         chain = self.chain.counts
@@ -111,7 +127,7 @@ class InlineRunner(Asking):
         out, self._answers = self._answers, []
         return out
 
-    def drain(self, timeout_s: float) -> list[Answer]:  # noqa: ARG002
+    def drain(self, timeout_s: float, stop: threading.Event | None = None) -> list[Answer]:  # noqa: ARG002
         """See ``AgentRunner``."""
         return self.poll(float("inf"))
 
@@ -142,7 +158,7 @@ class VirtualTimeRunner(Asking):
         out, self._ready = self._ready, []
         return out
 
-    def drain(self, timeout_s: float) -> list[Answer]:
+    def drain(self, timeout_s: float, stop: threading.Event | None = None) -> list[Answer]:  # noqa: ARG002
         """See ``AgentRunner``; the timeout is in recorded seconds after the last answer that has come."""
         start_s = self._out[0][0] if self._out else 0.0
         return self.poll(start_s + timeout_s)
