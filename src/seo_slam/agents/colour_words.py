@@ -26,7 +26,7 @@ NEAR_M = 0.04
 
 LEAST_POINTS = 12
 
-_HUES = ((20.0, "red"), (58.0, "orange"), (105.0, "yellow"), (190.0, "green"), (310.0, "blue"), (340.0, "purple"), (361.0, "red"))
+_HUES = ((20.0, "red"), (75.0, "orange"), (105.0, "yellow"), (190.0, "green"), (310.0, "blue"), (340.0, "purple"), (361.0, "red"))
 """Hue in CIE L*a*b*, degrees, up to which each name goes."""
 
 

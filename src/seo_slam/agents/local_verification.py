@@ -26,7 +26,10 @@ WAS_THERE = -3.5
 """Once it was as low as this, there was a thing."""
 
 UNSEEN = 2
-"""A landmark of which so many looks came to nothing, since it fills the image or gives no depth, is passed on as it is."""
+"""A landmark of which so many looks came to nothing, since it gives no depth or is hidden, is passed on as it is …"""
+
+FILLS_IMAGE = 0.5
+"""… and at once if its box is so much of the image: nothing is around it to compare it with."""
 
 SETTLED = 8
 """Observations from which the word that was said most is trusted to stay; before, a landmark is neither confirmed nor described."""
@@ -119,7 +122,7 @@ class LocalVerification(Agent):
         """Confirm what is there once it was seen often enough to have a word; doubt another word that it has."""
         looks, version = self._looks[landmark_id], version_of(landmark_id, view)
         seen = looks.total() <= SURELY_THERE and observations_of(landmark_id, view) >= SETTLED
-        if not looks.confirmed and not seen and not (not looks.by_side and sum(looks.tried.values()) >= UNSEEN):
+        if not looks.confirmed and not seen and not self._cannot_tell(landmark_id, view):
             return None
         word = word_doubted(landmark_id, view, leading, self._likelihood)
         doubt = (word, side_of(landmark_id, view))
@@ -131,6 +134,11 @@ class LocalVerification(Agent):
             return None
         looks.confirmed = True
         return Confirm(landmark_id, version, self.name)
+
+    def _cannot_tell(self, landmark_id: int, view: AgentView) -> bool:
+        looks, box, camera = self._looks[landmark_id], view.boxes_px[landmark_id], view.frame.camera
+        fills = float((box[2] - box[0]) * (box[3] - box[1])) >= FILLS_IMAGE * camera.width * camera.height
+        return not looks.by_side and (fills or sum(looks.tried.values()) >= UNSEEN)
 
     def _forget_oldest(self) -> None:
         while len(self._looks) > self._most_remembered:
