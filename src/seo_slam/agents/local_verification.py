@@ -58,7 +58,7 @@ class LocalVerification(Agent):
     def __init__(
         self,
         depth_noise_at_1m_m: float = 0.0019,
-        looks_a_view: int = 4,
+        looks_a_view: int = 3,
         most_remembered: int = 5000,
         likelihood: LabelLikelihood | None = None,
     ) -> None:
@@ -96,7 +96,7 @@ class LocalVerification(Agent):
         due = []
         for landmark_id in asked:
             looks, side = self._looks_at(landmark_id, view), side_of(landmark_id, view)
-            if looks.tried.get(side, 0) < LOOKS_A_SIDE:
+            if not looks.was_there and looks.tried.get(side, 0) < LOOKS_A_SIDE:
                 due.append((looks.tried.get(side, 0), sum(looks.tried.values()), landmark_id, side))
         denied = [i for _, _, i, side in sorted(due)[: self._looks_a_view] if self._denies(i, side, view)]
         leading = leading_words(view.landmarks)
@@ -105,7 +105,7 @@ class LocalVerification(Agent):
         return [edit for edit in edits if edit is not None]
 
     def _denies(self, landmark_id: int, side: int, view: AgentView) -> bool:
-        """Look at a landmark; whether there is nothing."""
+        """Look at a landmark; whether there is nothing. One that surely was there is not looked at again: nothing would follow."""
         looks = self._looks[landmark_id]
         looks.tried[side] = looks.tried.get(side, 0) + 1
         look = look_at(landmark_id, view, self._noise)

@@ -50,6 +50,10 @@ LEAST_SURFACE = 8
 """Surface points that must be seen; and a third of all."""
 
 
+_RIDGE = 1e-9 * np.eye(3)
+_DRAWS = np.random.default_rng(0).random((PLANES, TRIES, 3))
+
+
 @dataclass(frozen=True, slots=True)
 class Relief:
     """What the depth at a box is.
@@ -119,22 +123,21 @@ def planes_through(points: FloatArray, values: FloatArray, tolerance: float) -> 
     """
     found: list[FloatArray] = []
     least = max(LEAST_SUPPORT * len(values), 8.0)
-    draws = np.random.default_rng(0).random((PLANES, TRIES, 3))
     for k in range(PLANES):
         if len(values) < least:
             break
-        chosen = (draws[k] * len(values)).astype(np.int64)
+        chosen = (_DRAWS[k] * len(values)).astype(np.int64)
         tried = _through_triplets(points[chosen], values[chosen])
         votes = (np.abs(points @ tried.T - values[:, None]) <= tolerance).sum(axis=0)
         plane = tried[int(votes.argmax())] if len(votes) else np.zeros(3)
         on = np.abs(points @ plane - values) <= tolerance
         for _ in range(2):
-            if on.sum() < least:
+            if np.count_nonzero(on) < least:
                 break
-            normal = points[on].T @ points[on] + 1e-9 * np.eye(3)
-            plane = np.linalg.solve(normal, points[on].T @ values[on])
+            explained = points[on]
+            plane = np.linalg.solve(explained.T @ explained + _RIDGE, explained.T @ values[on])
             on = np.abs(points @ plane - values) <= tolerance
-        if on.sum() < least:
+        if np.count_nonzero(on) < least:
             break
         found.append(plane)
         points, values = points[~on], values[~on]
