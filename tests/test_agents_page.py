@@ -1,10 +1,12 @@
 """The page on agents names every kind of edit, outcome, mode and setting, and only constants that exist."""
 
 import re
+import tomllib
 from importlib import import_module
 from pathlib import Path
 from typing import get_args
 
+from seo_slam import registry
 from seo_slam.agents.answers import AgentCounts
 from seo_slam.config import Config, RunnerSettings, describe_settings
 from seo_slam.mapping import edit_desk, verdicts
@@ -60,3 +62,16 @@ def test_what_the_result_counts_is_told():
     assert [field for field in AgentCounts().as_dict() if f"`{field}`" not in told] == []
     for key in ("mode", "agents", "landmarks_done", "dropped", "superseded", "edits", "age_s"):
         assert f"| `{key}`" in told or f"`{key}`" in told
+
+
+def test_the_configuration_makes_the_agents_that_it_names(monkeypatch):
+    monkeypatch.setenv("OPENAI_API_KEY", "none-of-yours")
+    blocks = re.findall(r"^```toml\n(.*?)^```", PAGE, re.MULTILINE | re.DOTALL)
+    assert blocks
+    for block in blocks:
+        agents = [registry.create("agent", agent) for agent in Config.from_dict(tomllib.loads(block)).agents]
+        assert [(agent.role, agent.model) for agent in agents] == [
+            ("verification", "qwen2.5vl"),
+            ("description", "gpt-4o"),
+            ("merging", "gpt-4o"),
+        ]
