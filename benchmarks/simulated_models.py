@@ -61,6 +61,9 @@ def sent_to(config: Config, base_url: str, knobs: ModelKnobs) -> Config:
     """Return settings whose agents ask a server, with answers that count in recorded time."""
     agents = []
     for agent in config.agents:
+        if "chat" not in agent.options:
+            agents.append(agent.model_dump())
+            continue
         chat = agent.options["chat"]
         options = {**chat["options"], "base_url": base_url, "reply_format": "json_schema"}
         agents.append(Component(name=agent.name, options={**agent.options, "chat": {**chat, "options": options}}).model_dump())

@@ -121,6 +121,13 @@ class EditSettings(Settings):
     quota: int = Field(8, ge=1, description="edits applied a keyframe; the rest wait")
 
 
+LOCAL_AGENTS = tuple(Component(name=name) for name in ("local_verification", "local_description", "local_merging"))
+"""The agents of the default: they need no key and no network."""
+
+WITNESS = {"name": "local_verification"}
+"""What stands beside chat models: it sees in depth and colour where nothing is, and asks nobody."""
+
+
 class Config(Settings):
     """Everything a Pipeline needs to build itself."""
 
@@ -130,7 +137,7 @@ class Config(Settings):
     smoother: Component = Field(Component(name="gtsam"), description="the factor graph's solver")
     embedder: Component = Field(Component(name="auto"), description="turns labels into vectors")
     store: Component = Field(Component(name="memory"), description="keeps every keyframe")
-    agents: tuple[Component, ...] = Field((), description="asked after every keyframe, in this order")
+    agents: tuple[Component, ...] = Field(LOCAL_AGENTS, description="look at the map and propose edits; [] for none")
     keyframes: KeyframeSettings = KeyframeSettings()
     lifting: LiftingSettings = LiftingSettings()
     association: AssociationSettings = AssociationSettings()
@@ -238,23 +245,22 @@ def chat_agents(verification: Mapping[str, Any], others: Mapping[str, Any] | Non
     return [{"name": role, "options": {"chat": {"name": "openai", "options": dict(options)}}} for role, options in chosen.items()]
 
 
-_CHAT = {"agents": chat_agents({"model": "gpt-4o-mini"}, {"model": "gpt-4o"}), "runner": {"mode": "background"}}
+_MODELS = chat_agents({"model": "gpt-4o-mini"}, {"model": "gpt-4o"})
 
-LOCAL_AGENTS: tuple[dict[str, Any], ...] = ()
-"""The agents of the default: they need no key and no network."""
+_IN_BACKGROUND: dict[str, Any] = {"runner": {"mode": "background"}}
 
 _AS_PROPOSED = {"edits": {"rails": False}}
 
 _NEAREST = {"associator": {"name": "nearest"}}
 
 PRESETS: dict[str, dict[str, Any]] = {
-    "seo_slam": {"agents": list(LOCAL_AGENTS)},
-    "seo_slam_chat": _CHAT,
+    "seo_slam": {},
+    "seo_slam_chat": {"agents": [*_MODELS, WITNESS], **_IN_BACKGROUND},
     "seo_slam_no_agents": {"agents": []},
     "rg": _PAPER | _NEAREST,
     "rg_d": _PAPER,
-    "rg_a": _PAPER | _NEAREST | _CHAT | _AS_PROPOSED,
-    "rg_d_a": _PAPER | _CHAT | _AS_PROPOSED,
+    "rg_a": _PAPER | _NEAREST | {"agents": _MODELS} | _IN_BACKGROUND | _AS_PROPOSED,
+    "rg_d_a": _PAPER | {"agents": _MODELS} | _IN_BACKGROUND | _AS_PROPOSED,
     "rg_d_cosine": _PAPER | {"association": {"semantic_gate": "cosine"}},
     "seo_slam_paper_gate": {"association": {"semantic_gate": "cosine", "solver": "lap"}},
     "nearest": _NEAREST,

@@ -14,15 +14,15 @@ def test_nothing_said_keeps_what_the_settings_say():
 
 def test_a_named_model_is_asked_by_all_three_in_the_background():
     config = with_agents(Config(), None, "tiny-vision", "http://127.0.0.1:8080/v1", "MY_KEY")
-    assert [agent.name for agent in config.agents] == ["verification", "description", "merging"]
-    options = [agent.options["chat"]["options"] for agent in config.agents]
+    assert [agent.name for agent in config.agents] == ["verification", "description", "merging", "local_verification"]
+    options = [agent.options["chat"]["options"] for agent in config.agents[:3]]
     assert options == [{"model": "tiny-vision", "base_url": "http://127.0.0.1:8080/v1", "api_key_env": "MY_KEY"}] * 3
     assert config.runner.mode == "background"
 
 
 def test_local_and_none():
     chat = Config.preset("seo_slam_chat")
-    assert [agent.name for agent in with_agents(chat, "local", None, None, None).agents] == [agent["name"] for agent in LOCAL_AGENTS]
+    assert [agent.name for agent in with_agents(chat, "local", None, None, None).agents] == [agent.name for agent in LOCAL_AGENTS]
     assert with_agents(chat, "none", None, None, None).agents == ()
 
 

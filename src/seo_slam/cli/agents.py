@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from seo_slam.config import LOCAL_AGENTS, Config, chat_agents
+from seo_slam.config import LOCAL_AGENTS, WITNESS, Config, chat_agents
 from seo_slam.errors import ConfigError
 
 KINDS = ("local", "chat", "none")
@@ -34,6 +34,7 @@ def with_agents(config: Config, kind: str | None, model: str | None, url: str | 
         raise ConfigError("--agents chat needs --chat-model NAME (or give --preset seo_slam_chat, or agents in a config file)")
     options: dict[str, Any] = {"model": model}
     options |= {key: value for key, value in (("base_url", url), ("api_key_env", key_env)) if value is not None}
-    chosen = {"local": list(LOCAL_AGENTS), "chat": chat_agents(options), "none": []}[kind]
+    local = [agent.model_dump() for agent in LOCAL_AGENTS]
+    chosen = {"local": local, "chat": [*chat_agents(options), WITNESS], "none": []}[kind]
     mode = {"runner": {"mode": "background"}} if kind == "chat" and config.runner.mode == "inline" else {}
     return config.updated({"agents": chosen, **mode}, f"--agents {kind}")
