@@ -220,7 +220,7 @@ def describe_settings(model: type[BaseModel] = Config, prefix: str = "") -> list
             rows += describe_settings(type(default), f"{prefix}{name}.")
         else:
             value = default.model_dump() if isinstance(default, BaseModel) else default
-            rows.append((prefix + name, json.dumps(value), field.description or ""))
+            rows.append((prefix + name, json.dumps(value, default=BaseModel.model_dump), field.description or ""))
     return rows
 
 
