@@ -79,7 +79,7 @@ plt.show()
 # - `rg`: an observation belongs to the nearest landmark. Nothing is ever removed.
 # - `rg_d`: the paper's data association, one assignment for all. Nothing is ever removed, either.
 # - `seo_slam`, the default: the same association, and landmarks have a life. What should have been seen and was not is lost, then
-#   removed; what turns up elsewhere keeps its id.
+#   removed; what turns up elsewhere keeps its id. Local agents take out what is nothing.
 #
 # Ghosts are landmarks where something stood before it was taken or moved away. False ones lie where there was never such a thing.
 # The embedder `hashed` only knows spelling, but it loads at once.
@@ -180,7 +180,7 @@ class Inventory(Agent):
 
 
 words = {word for thing in room.scene.start.things for word in (thing.label, *thing.accepted_labels)}
-_, news, scored_with_list = mapped(room, frames, agents=[Inventory(words)])
+_, news, scored_with_list = mapped(room, frames, agents=[*Config().agents, Inventory(words)])
 print(heading)
 row("seo_slam", scored)
 row("seo_slam + Inventory", scored_with_list)

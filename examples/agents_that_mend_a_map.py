@@ -83,12 +83,11 @@ heading = f"{'':<14} landmarks precision recall    F1 duplicates ghosts false"
 # %% [markdown]
 # ## Without agents, and with local ones
 #
-# The local agents are those of the preset `seo_slam`, the default of `seo-slam run`. They use what the map knows, depth and colour, and
-# ask nobody.
+# The local agents are the default, of `Pipeline()` and of `seo-slam run`. They use what the map knows, depth and colour, and ask nobody.
 
 # %%
 without, _ = mapped([])
-local, local_edits = mapped([agent.model_dump() for agent in Config.preset("seo_slam").agents])
+local, local_edits = mapped([agent.model_dump() for agent in Config().agents])
 print(heading)
 row("no agents", without)
 row("local agents", local)
@@ -98,7 +97,8 @@ print("the local agents proposed:", dict(Counter(edit.kind for edit in local_edi
 # ## The three agents of the paper
 #
 # Verification, description and merging each ask the model at a URL. `ChatServer` is a real server on this machine; what it is asked is
-# kept here to be looked at. This is the inline mode: every keyframe waits for the answers, and the result is the same each time.
+# kept here to be looked at. (`--agents chat` keeps the local verification agent beside them; here they are alone.) This is the inline
+# mode: every keyframe waits for the answers, and the result is the same each time.
 
 # %%
 sent = []

@@ -74,4 +74,5 @@ def test_the_configuration_makes_the_agents_that_it_names(monkeypatch):
             ("verification", "qwen2.5vl"),
             ("description", "gpt-4o"),
             ("merging", "gpt-4o"),
+            ("verification", ""),
         ]
