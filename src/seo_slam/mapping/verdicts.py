@@ -1,8 +1,9 @@
 """What agents said of each landmark, weighed against what the detector and the depth image say.
 
 A verdict is evidence, as strong as its model is reliable, and how reliable that is is measured in the run itself: most landmarks are sure
-without any agent, so a model that often contradicts what is sure is believed little (an EM step of Dawid and Skene, 1979, with one
-rate a model). For every landmark the explanations compete that it is nothing, or a thing of one of the words that were said of it.
+without any agent, so a model that often contradicts what is sure is believed little (one rate a model, as Dawid and Skene, 1979, have it a
+rater; but judged by sightings alone, for a model that says the same of everything must not bear itself out). For every landmark the
+explanations compete that it is nothing, or a thing of one of the words that were said of it.
 """
 
 from collections import Counter, defaultdict
@@ -22,7 +23,8 @@ VerdictKind = Literal["confirm", "doubt", "remove", "name"]
 PRIOR_RIGHT, PRIOR_WRONG = 8.0, 2.0
 """A model counts as right in 8 of 10 verdicts until this run says otherwise."""
 
-LEAST_RELIABLE, MOST_RELIABLE = 0.4, 0.97
+LEAST_RELIABLE, MOST_RELIABLE = 0.34, 0.97
+"""A model that is right in one of three verdicts says nothing: they are of three kinds."""
 
 OTHER_VERDICTS = 2.0
 """A wrong verdict is one of so many."""
@@ -108,7 +110,7 @@ class Verdicts:
 
     def reliability(self, who: str) -> float:
         """The share of verdicts that a model gets right, as far as this run can tell."""
-        share = (PRIOR_RIGHT + self._right[who]) / (PRIOR_RIGHT + PRIOR_WRONG + self._all[who])
+        share = (PRIOR_RIGHT + self._right[who]) / max(PRIOR_RIGHT + PRIOR_WRONG + self._all[who], 1.0)
         return float(np.clip(share, LEAST_RELIABLE, MOST_RELIABLE))
 
     def merge(self, keep_id: int, drop_id: int) -> None:
@@ -145,27 +147,36 @@ class Verdicts:
         there = float(np.clip(existence, 1e-3, 1.0 - 1e-3))
         log_nothing = max(float(np.log(1.0 - there) - np.log(there)), -SURE_IT_IS, -SURE_BY_SIGHT * observations)
         log_words = _log_shares(_detector_says(words, weights))  # given that it is something, whose log odds are 0
+        self._learn(heard, _belief(log_nothing, log_words, words))  # by what was seen alone: no model is to bear itself out
         for verdict, weight in _weights(heard.counts):
             a = self.reliability(verdict.who)
             log_nothing += weight * np.log(_chance(verdict, None, a))
-            log_words += weight * np.log([_chance(verdict, word, a) for word in words])
-        shares = np.exp(_log_shares(np.append(log_words, log_nothing)))
-        belief = Belief(float(shares[-1]), dict(zip(words, shares[:-1].tolist(), strict=True)))
-        self._learn(heard, belief)
-        return belief
+            log_words = log_words + weight * np.log([_chance(verdict, word, a) for word in words])
+        return _belief(log_nothing, log_words, words)
 
     def _learn(self, heard: _Heard, belief: Belief) -> None:
-        """Count how many verdicts of each model agree with what is believed now; a landmark's count replaces its older one."""
+        """Count how far the verdicts of each model agree with what was seen; a landmark's count replaces its older one.
+
+        What was seen leaves doubts, so that even a perfect model agrees with it only so far. If ``a`` of its verdicts are right, the mean
+        agreement is ``a * perfect + (1 - a) * wrong``, which is solved for ``a`` over all its verdicts (method of moments).
+        """
         for who, (right, number) in heard.right.items():
             self._right[who] -= right
             self._all[who] -= number
         heard.right = {}
         for verdict, times in heard.counts.items():
             right, number = heard.right.get(verdict.who, (0.0, 0.0))
-            heard.right[verdict.who] = (right + times * _chance_right(verdict, belief), number + times)
+            perfect, wrong = _expected_agreement(verdict, belief)
+            agrees = _chance_right(verdict, belief)
+            heard.right[verdict.who] = (right + times * (agrees - wrong), number + times * (perfect - wrong))
         for who, (right, number) in heard.right.items():
             self._right[who] += right
             self._all[who] += number
+
+
+def _belief(log_nothing: float, log_words: FloatArray, words: list[str]) -> Belief:
+    shares = np.exp(_log_shares(np.append(log_words, log_nothing)))
+    return Belief(float(shares[-1]), dict(zip(words, shares[:-1].tolist(), strict=True)))
 
 
 def _chance(verdict: Verdict, word: str | None, a: float) -> float:
@@ -192,6 +203,16 @@ def _chance_right(verdict: Verdict, belief: Belief) -> float:
             return 1.0 - belief.nothing - named
         case _:
             return named
+
+
+def _expected_agreement(verdict: Verdict, belief: Belief) -> tuple[float, float]:
+    """Expected ``_chance_right`` of a model that is always right, and of one that is always wrong, if the truth is as believed."""
+    shares = [belief.nothing, *belief.words.values()]
+    if verdict.kind != "name":  # nothing, the word that was asked about (of a denial it is not kept: the likeliest), any other
+        asked = belief.words.get(verdict.word, 0.0) if verdict.kind != "remove" else max(belief.words.values())
+        shares = [belief.nothing, asked, 1.0 - belief.nothing - asked]
+    perfect = sum(share * share for share in shares)
+    return perfect, (1.0 - perfect) / (OTHER_NAMES if verdict.kind == "name" else OTHER_VERDICTS)
 
 
 def _detector_says(words: list[str], weights: Mapping[str, float]) -> FloatArray:
