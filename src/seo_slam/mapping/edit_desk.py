@@ -12,6 +12,7 @@ import numpy as np
 
 from seo_slam.config import EditSettings
 from seo_slam.errors import EditRefused, FrameError
+from seo_slam.geometry import FloatArray
 from seo_slam.interfaces import Embedder, Smoother
 from seo_slam.mapping.edits import apply_edit, merge_landmarks, require_close
 from seo_slam.mapping.object_map import ObjectMap
@@ -33,11 +34,26 @@ SURELY_NAMED = 0.6
 SIDES = 8
 """Directions, seen from above, from which a landmark is looked at."""
 
+LEAST_REACH_M = 0.1
+"""A landmark this near to where one was removed is at the same place."""
+
+MOST_REFUSED = 500
+"""Places remembered from which agents had landmarks removed."""
+
 MOST_WAITING = 256
 
 
 class _Stale(EditRefused):
     """The landmark has changed since the agent saw it."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Refused:
+    """A place from which a landmark was removed, and what was said of it."""
+
+    p_world: FloatArray
+    reach_m: float
+    verdicts: tuple[Verdict, ...]
 
 
 @dataclass(slots=True, eq=False)
@@ -76,6 +92,7 @@ class EditDesk:
         self._renamed_from: dict[tuple[int, int], int] = {}  # landmark and version after an agent renamed it -> version before
         self._merge_votes: dict[tuple[int, int], set[int]] = {}  # pair -> keyframes of the views that spoke for it
         self._labels: dict[tuple[int, str], str] = {}  # landmark and category -> the newest descriptive label of it
+        self._refused: dict[int, _Refused] = {}
         self._at_their_word: set[int] = set()  # landmarks whose name came from an agent of role "any"
 
     @property
@@ -154,13 +171,15 @@ class EditDesk:
     def _weigh(self, edit: Confirm | Doubt | Relabel | Remove, proposal: Proposal) -> tuple[MapEvent | None, EditOutcome, str]:
         """Let a verdict count, and change what it leaves no doubt about."""
         thing = self._objects[edit.landmark_id]
+        if self.is_new(thing.id):
+            self._recall_place(thing)
         first_confirm = isinstance(edit, Confirm) and not any(v.kind == "confirm" for v in self._verdicts.of(thing.id))
         verdict = self._verdict(edit, thing, proposal)
         self._verdicts.hear(thing.id, verdict)
         if isinstance(edit, Relabel):
             self._labels[thing.id, verdict.word] = _clean(edit.label, thing.id)
         belief = self._verdicts.belief(thing.id, thing.existence, thing.observations, thing.weights)
-        if self._may_be_removed(thing, belief):
+        if isinstance(edit, Remove) and self._may_be_removed(thing, belief):
             return self._remove(thing, edit.source), "applied", f"{thing.label}, {_percent(belief.nothing)} nothing"
         event = self._renamed(thing, belief, edit.source)
         if event is not None:
@@ -175,10 +194,27 @@ class EditDesk:
         return seconded and belief.nothing >= SURELY_NOTHING
 
     def _remove(self, thing: Thing, source: str) -> MapEvent:
+        """Take a thing out of graph and map, and remember what was said of its place."""
+        where = _Refused(self._place(thing), max(0.5 * float(thing.size_m().max()), LEAST_REACH_M), self._verdicts.forget(thing.id))
+        self._refused[thing.id] = where
+        while len(self._refused) > MOST_REFUSED:
+            del self._refused[next(iter(self._refused))]
         self._smoother.remove(thing.id)
         self._objects.forget(thing.id)
-        self._verdicts.forget(thing.id)
         return MapEvent("removed", thing.id, thing.label, source)
+
+    def _recall_place(self, thing: Thing) -> None:
+        """Let a thing that nobody has judged inherit what was said where one was removed: mistakes come back to their place."""
+        p_world = self._place(thing)
+        for landmark_id, refused in self._refused.items():
+            if float(np.linalg.norm(refused.p_world - p_world)) <= refused.reach_m:
+                for verdict in self._refused.pop(landmark_id).verdicts:
+                    self._verdicts.hear(thing.id, verdict)
+                return
+
+    def _place(self, thing: Thing) -> FloatArray:
+        ids, p_world = self._smoother.positions()
+        return np.asarray(p_world[int(np.searchsorted(ids, thing.id))], dtype=np.float64)
 
     def _renamed(self, thing: Thing, belief: Belief, source: str) -> MapEvent | None:
         """Give a thing the word that is most likely, and the newest description that goes with it, unless it has them."""
@@ -226,10 +262,9 @@ class EditDesk:
 
     def _side(self, thing: Thing, proposal: Proposal) -> int:
         """From where a thing was looked at; a keyframe's own number, below 0, where nothing is known of the camera."""
-        ids, p_world = self._smoother.positions()
         if proposal.camera_world is None:
             return -1 - proposal.view_keyframe_id
-        x, y, _ = np.array(proposal.camera_world) - p_world[int(np.searchsorted(ids, thing.id))]
+        x, y, _ = np.array(proposal.camera_world) - self._place(thing)
         return int(np.floor((np.arctan2(y, x) / (2.0 * np.pi)) * SIDES)) % SIDES
 
     def _require_current(self, edit: Edit) -> None:
