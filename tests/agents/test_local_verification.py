@@ -31,8 +31,9 @@ def test_what_once_stood_out_is_never_removed():
     assert not [edit for edit in seen(agent, wall, 20) if isinstance(edit, Remove)]
 
 
-def test_what_was_seen_too_seldom_to_have_a_word_is_not_confirmed():
-    assert seen(LocalVerification(), lambda k: put(*wall(k), nearer_m=0.1), 4, rows=[landmark(1, observations=3)]) == []
+def test_a_witness_only_denies():
+    assert seen(LocalVerification(only_denies=True), lambda k: put(*wall(k), nearer_m=0.1), 8) == []
+    assert {type(edit) for edit in seen(LocalVerification(only_denies=True), wall, 8)} == {Remove}
 
 
 def test_looks_are_bounded_in_a_view_and_from_a_side():

@@ -6,7 +6,7 @@ from local_scenes import BOX, CAMERA, evidence, landmark, put, surface_of, view_
 
 from seo_slam.agents.colour_words import colour_name, colour_words, colours_of
 from seo_slam.agents.crop_classifier import CropClassifier, EmbeddingClassifier, crop_of
-from seo_slam.agents.local_description import LocalDescription
+from seo_slam.agents.local_description import SETTLED, LocalDescription
 from seo_slam.agents.size_words import size_word
 from seo_slam.agents.word_choice import plain_word, word_doubted
 from seo_slam.association.label_likelihood import LabelLikelihood
@@ -109,6 +109,11 @@ def test_a_label_has_colour_and_category():
 
 def test_what_has_its_label_is_confirmed():
     assert isinstance(described(*coloured(PAINTS["red"]), rows=[landmark(1, "red cup", category="cup")]), Confirm)
+
+
+def test_what_was_seen_too_seldom_to_have_a_word_is_not_described():
+    seldom = view_of(*coloured(PAINTS["red"]), rows=[landmark(1, "cup", observations=SETTLED - 1)], boxes={1: BOX})
+    assert LocalDescription(Folding()).propose(seldom) == []
 
 
 def test_a_known_label_is_used_again_where_it_fits():

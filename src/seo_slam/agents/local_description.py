@@ -7,7 +7,7 @@ import numpy as np
 
 from seo_slam.agents.colour_words import colour_words, colours_of
 from seo_slam.agents.crop_classifier import CropClassifier, crop_of
-from seo_slam.agents.local_looks import surface_px, version_of
+from seo_slam.agents.local_looks import observations_of, surface_px, version_of
 from seo_slam.agents.size_words import size_word
 from seo_slam.agents.word_choice import leading_words, plain_word, without
 from seo_slam.association.label_likelihood import LabelLikelihood
@@ -21,6 +21,10 @@ KNOWN_COLOUR_SHARE = 0.35
 
 CLASSIFIER_SHARE = 0.5
 """All that a classifier says of one picture weighs this part of all that the detector said."""
+
+
+SETTLED = 8
+"""Observations from which the word that was said most is trusted to stay; before, nothing is described."""
 
 
 class LocalDescription(Agent):
@@ -64,6 +68,8 @@ class LocalDescription(Agent):
 
     def _describe(self, landmark_id: int, view: AgentView, known: Sequence[str], leading: Mapping[str, int]) -> Edit | None:
         row = int(np.searchsorted(view.landmarks.ids, landmark_id))
+        if observations_of(landmark_id, view) < SETTLED:
+            return None
         weights = self._votes(landmark_id, row, view)
         word = plain_word(weights, without(view.landmarks, row, leading), self._likelihood)
         if not word:

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from seo_slam.agents.local_looks import LooksAtOne, look_at, observations_of, place_of, side_of, version_of
+from seo_slam.agents.local_looks import LooksAtOne, look_at, place_of, side_of, version_of
 from seo_slam.agents.word_choice import leading_words, word_doubted
 from seo_slam.association.label_likelihood import LabelLikelihood
 from seo_slam.errors import ConfigError
@@ -31,15 +31,11 @@ UNSEEN = 2
 FILLS_IMAGE = 0.5
 """… and at once if its box is so much of the image: nothing is around it to compare it with."""
 
-SETTLED = 8
-"""Observations from which the word that was said most is trusted to stay; before, a landmark is neither confirmed nor described."""
-
 DOUBTS_A_SIDE = 4
 """A word is doubted so often from one side for the sake of another one; the map need not agree."""
 
 ELSEWHERE_M = 0.3
 """A landmark this far from where it was looked at has moved: what was seen was another place."""
-
 
 SAME_PLACE_M = 0.1
 """What comes up this near to where a landmark left the map is at the same place."""
@@ -61,6 +57,7 @@ class LocalVerification(Agent):
         looks_a_view: int = 3,
         most_remembered: int = 5000,
         likelihood: LabelLikelihood | None = None,
+        only_denies: bool = False,
     ) -> None:
         """Take how noisy depth is.
 
@@ -69,6 +66,7 @@ class LocalVerification(Agent):
             looks_a_view: landmarks looked at in a view, those seen least from its side first: what bounds its time.
             most_remembered: landmarks whose looks are kept; beyond them the oldest are forgotten.
             likelihood: compares words; a pipeline gives its own. None: different words mean different things.
+            only_denies: it neither confirms nor doubts, which others do: a witness beside chat models.
 
         Raises:
             ConfigError: one of them is not above 0.
@@ -77,6 +75,7 @@ class LocalVerification(Agent):
             got = f"{depth_noise_at_1m_m}, {looks_a_view}, {most_remembered}"
             raise ConfigError(f"local_verification: depth_noise_at_1m_m, looks_a_view and most_remembered must be above 0, got {got}")
         self._likelihood = likelihood
+        self._only_denies = only_denies
         self._noise = depth_noise_at_1m_m
         self._looks_a_view = looks_a_view
         self._most_remembered = most_remembered
@@ -99,8 +98,10 @@ class LocalVerification(Agent):
             if not looks.was_there and looks.tried.get(side, 0) < LOOKS_A_SIDE:
                 due.append((looks.tried.get(side, 0), sum(looks.tried.values()), landmark_id, side))
         denied = [i for _, _, i, side in sorted(due)[: self._looks_a_view] if self._denies(i, side, view)]
-        leading = leading_words(view.landmarks)
-        edits = [self._denied(i, view) if i in denied else self._confirmed_or_doubted(i, view, leading) for i in asked]
+        edits: list[Edit | None] = [self._denied(i, view) for i in denied]
+        if not self._only_denies:
+            leading = leading_words(view.landmarks)
+            edits += [self._confirmed_or_doubted(i, view, leading) for i in asked if i not in denied]
         self._forget_oldest()
         return [edit for edit in edits if edit is not None]
 
@@ -119,9 +120,9 @@ class LocalVerification(Agent):
         return Remove(landmark_id, version_of(landmark_id, view), self.name)
 
     def _confirmed_or_doubted(self, landmark_id: int, view: AgentView, leading: Mapping[str, int]) -> Edit | None:
-        """Confirm what is there once it was seen often enough to have a word; doubt another word that it has."""
+        """Confirm what is there; doubt a word that is not the one said most."""
         looks, version = self._looks[landmark_id], version_of(landmark_id, view)
-        seen = looks.total() <= SURELY_THERE and observations_of(landmark_id, view) >= SETTLED
+        seen = looks.total() <= SURELY_THERE
         if not looks.confirmed and not seen and not self._cannot_tell(landmark_id, view):
             return None
         word = word_doubted(landmark_id, view, leading, self._likelihood)

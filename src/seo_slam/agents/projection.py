@@ -20,7 +20,13 @@ MOST_HIDDEN = 0.5
 """Share of a thing that may be behind something nearer."""
 
 LEAST_INSIDE = 0.7
-"""Share of a box that must be in the image; its middle must be, too."""
+"""Share of a box that must be in the image; the projected centre of the thing must be, too (u_C, v_C in III-C)."""
+
+NEAREST_CORNER = 0.3
+"""The corners of a box are at least at this share of the depth of its centre."""
+
+FILLS_IMAGE = 0.25
+"""… or the part of it that is must take so much of the image: a table is recognised without its edges."""
 
 LEAST_SIDE_PX = 8.0
 """A box whose longer side is shorter is left out: nobody can tell what is in it."""
@@ -81,7 +87,7 @@ def visible_boxes(
     p_camera = transform_points(T_camera_world, landmarks.p_world)
     rows = np.flatnonzero((p_camera[:, 2] > LEAST_DEPTH_M) & (p_camera[:, 2] <= max_depth_m))
     whole = _boxes(landmarks.size_m[rows], landmarks.across_m[rows], p_camera[rows], T_camera_world, frame.camera)
-    large = _large_inside(whole, frame.camera)
+    large = _large_inside(whole, frame.camera.project(p_camera[rows]), frame.camera)
     rows, clipped = rows[large], _clipped(whole[large], frame.camera)
     if len(rows) == 0:
         return {}
@@ -107,11 +113,14 @@ class _Samples:
 
 
 def _boxes(size_m: FloatArray, across_m: FloatArray, p_camera: FloatArray, T_camera_world: FloatArray, camera: Camera) -> FloatArray:
-    """(N, 4), not clipped; NaN where a corner is behind the camera."""
+    """(N, 4), not clipped."""
     sides = _SIDES * np.concatenate([across_m, np.zeros((len(across_m), 1))], axis=1)[:, None, :]
     extent = _CORNERS * np.maximum(size_m, LEAST_SIZE_M)[:, None, :] @ T_camera_world[:3, :3].T
     known = np.asarray((across_m > 0).all(axis=1))
-    uv = camera.project(p_camera[:, None, :] + np.where(known[:, None, None], sides, extent))
+    corners = p_camera[:, None, :] + np.where(known[:, None, None], sides, extent)
+    # A table reaches to the camera, or behind it; its near corners are cut off where they would be thrown out of any image.
+    corners[..., 2] = np.maximum(corners[..., 2], NEAREST_CORNER * p_camera[:, None, 2])
+    uv = camera.project(corners)
     return np.concatenate([uv.min(axis=1), uv.max(axis=1)], axis=1)
 
 
@@ -119,15 +128,15 @@ def _clipped(boxes_px: FloatArray, camera: Camera) -> FloatArray:
     return np.clip(boxes_px, 0.0, np.array([camera.width, camera.height, camera.width, camera.height], dtype=np.float64))
 
 
-def _large_inside(boxes_px: FloatArray, camera: Camera) -> BoolArray:
-    """Which boxes (N, 4) lie mostly in the image and are large enough."""
+def _large_inside(boxes_px: FloatArray, middles_px: FloatArray, camera: Camera) -> BoolArray:
+    """Which boxes (N, 4) of things with projected centres (N, 2) lie mostly in the image, and are large enough."""
     finite = np.asarray(np.isfinite(boxes_px).all(axis=1))
     whole = np.where(finite[:, None], boxes_px, [0.0, 0.0, 1.0, 1.0])
     inside = _clipped(whole, camera)
-    middle = 0.5 * (whole[:, :2] + whole[:, 2:])
-    central = np.asarray(((middle >= 0) & (middle < [camera.width, camera.height])).all(axis=1))
+    central = np.asarray(((middles_px >= 0) & (middles_px < [camera.width, camera.height])).all(axis=1))
     large = (inside[:, 2:] - inside[:, :2]).max(axis=1) >= LEAST_SIDE_PX
-    mostly = areas(inside) >= LEAST_INSIDE * np.maximum(areas(whole), 1e-9)
+    fills = areas(inside) >= FILLS_IMAGE * camera.width * camera.height
+    mostly = fills | (areas(inside) >= LEAST_INSIDE * np.maximum(areas(whole), 1e-9))
     return np.asarray(finite & central & large & mostly, dtype=np.bool_)
 
 
