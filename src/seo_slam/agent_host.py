@@ -1,7 +1,7 @@
 """Between the pipeline and its agents: makes views, lets them be asked about, and has the answers judged."""
 
 import threading
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -23,6 +23,10 @@ from seo_slam.types import Frame, IntArray, Landmarks
 _RUNNERS: dict[str, Callable[[Sequence[Agent], RunnerSettings], AgentRunner]] = {"inline": InlineRunner, "virtual": VirtualTimeRunner}
 
 
+MOST_AGES = 10_000
+"""Ages of verdicts, of the newest ones, that are kept for the counts."""
+
+
 class AgentHost:
     """All that a pipeline has to do with agents."""
 
@@ -36,7 +40,7 @@ class AgentHost:
         self._runner: AgentRunner = make_runner(agents, config.runner, self._learn_labels)
         self._desk = EditDesk(config.edits, objects, smoother, embedder)
         self._outcomes: Counter[tuple[str, str, str]] = Counter()
-        self._ages_s: list[float] = []
+        self._ages_s: deque[float] = deque(maxlen=MOST_AGES)
 
     def step(self, frame: Frame, T_world_camera: FloatArray, keyframe_id: int, events: Sequence[MapEvent] = ()) -> Judged:
         """Judge what has come, hand out a new view if it is wanted, and judge what came of that at once.
@@ -44,6 +48,7 @@ class AgentHost:
         A view is also handed out, whatever their pace, when ``events`` say that a landmark became stable: it is to be seen here, and
         perhaps not in the next view.
         """
+        self._desk.follow(events)
         judged = self.poll(keyframe_id, frame.timestamp_s)
         anything_new = any(event.kind in ("stable", "found") for event in events)
         if frame.has_depth and (anything_new or self._runner.wants_view(frame.timestamp_s)):

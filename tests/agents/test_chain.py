@@ -1,7 +1,7 @@
 """Fig 3: who is asked about what, and when."""
 
 import pytest
-from a_view import ABSTAIN, CONFIRM, DOUBT, REMOVE, Scripted, landmark, trio, view
+from a_view import ABSTAIN, CONFIRM, DOUBT, REMOVE, RENAME, Scripted, landmark, trio, view
 
 from seo_slam.agents.chain import PAIR_ASKED, Chain
 
@@ -165,6 +165,47 @@ def test_labels_given_so_far_are_shown_to_the_next_question():
         known.append((query.agent.role, query.view.known_labels))
         chain.answered(query, query.agent.propose(query.view))
     assert known[1:] == [("description", ()), ("description", ("red thing 0",))]
+
+
+def test_who_was_not_described_is_asked_about_again_though_verification_is_silent():
+    verify, describe, merge = trio()
+    chain = Chain([verify, describe, merge])
+    describe.answer = ABSTAIN
+    chain.show(view([landmark(0)], 0))
+    work(chain)
+    verify.answer, describe.answer = ABSTAIN, RENAME
+    chain.show(view([landmark(0)], 1))
+    assert "description" in [role for role, _, _ in work(chain)]
+    chain.show(view([landmark(0)], 2))
+    assert "description" not in [role for role, _, _ in work(chain)]
+
+
+def test_who_has_no_answer_does_not_keep_new_ones_waiting():
+    verify, describe, _ = trio(describe=ABSTAIN)
+    chain = Chain([verify, describe])
+    chain.show(view([landmark(0)], 0))
+    work(chain)
+    chain.show(view([landmark(0), landmark(1)], 1))
+    assert [(role, ids) for role, _, ids in work(chain)][:2] == [("verification", (1, 0)), ("description", (1,))]
+
+
+def test_a_witness_that_only_denies_does_not_stand_for_a_judge_that_stopped():
+    judge, describe, _ = trio()
+    witness = Scripted("verification", 4, ABSTAIN)
+    witness.only_denies = True
+    chain = Chain([judge, describe, witness])
+    chain.stop_asking(judge)
+    chain.show(view([landmark(0)], 0))
+    assert of(work(chain), "description") == [(0,)]
+
+
+def test_what_left_the_map_is_forgotten():
+    chain = Chain(trio())
+    for keyframe in range(80):
+        chain.show(view([landmark(10 * keyframe + k) for k in range(10)], keyframe))
+        work(chain)
+    assert len(chain._progress) < 700
+    assert len(chain._asked) < 2100
 
 
 @pytest.mark.parametrize("count", [0, 1, 5])

@@ -5,7 +5,7 @@ import pytest
 from judged_map import AT, JudgedMap, aside, beside
 
 from seo_slam.config import EditSettings
-from seo_slam.records import Confirm, Doubt, Merge, Relabel, Remove
+from seo_slam.records import Confirm, Doubt, MapEvent, Merge, Relabel, Remove
 
 ALL_ROUND = [beside(angle) for angle in range(0, 360, 45)]
 
@@ -243,9 +243,37 @@ def test_what_was_said_of_what_is_gone_is_forgotten():
     room = JudgedMap()
     room.propose(room.confirm())
     assert not room.desk.is_new(0)
-    room.objects.forget(0)
-    room.desk.forget_missing()
+    room.desk.follow([MapEvent("removed", 0)])
     assert room.desk.is_new(0)
+
+
+def test_what_was_said_of_a_double_goes_on_with_what_it_was_merged_into():
+    room = JudgedMap()
+    room.propose(room.confirm())
+    room.desk.follow([MapEvent("merged", 0, other_id=1)])
+    assert [room.desk.is_new(i) for i in (0, 1)] == [True, False]
+
+
+def test_a_verdict_is_about_the_word_that_the_agent_saw():
+    room = JudgedMap()
+    seen = room.version()
+    room.propose(room.relabel("red mug", "mug"), role="any")
+    room.propose(Confirm(0, seen), Doubt(0, seen), agent="late")
+    assert [(v.kind, v.word) for v in room.desk._verdicts.of(0) if v.who == "late m"] == [("confirm", "cup"), ("doubt", "cup")]
+
+
+def test_the_same_name_again_changes_nothing():
+    room = JudgedMap()
+    assert room.outcome(room.relabel("red mug", "mug"), role="any") == "applied"
+    version = room.version()
+    assert room.outcome(room.relabel("red mug", "mug"), role="any") == "noted"
+    assert room.version() == version
+
+
+def test_a_refused_name_binds_nobody():
+    room = JudgedMap()
+    assert room.outcome(room.relabel(" "), role="any") == "refused"
+    assert not room.desk._told[0].is_final
 
 
 def test_the_rails_are_on_unless_somebody_says_otherwise():

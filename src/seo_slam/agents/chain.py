@@ -17,6 +17,9 @@ from seo_slam.records import Confirm, Doubt, Edit, Relabel, Remove
 DESCRIBE, VERIFY_NEW, MERGE, VERIFY = 0, 1, 2, 3
 """What is asked first: labels that are missing or wrong, new landmarks, doubles, and then what was verified longest ago."""
 
+MOST_LABELS = 500
+"""Labels that agents gave and that are remembered; what is remembered of landmarks is looked through when so many are gone."""
+
 PAIR_ASKED = 3
 """A pair is shown to the merging agent in at most so many views: the first answer may have been given on a poor one."""
 
@@ -98,9 +101,12 @@ class Chain:
             if agent.role == "any" and index not in self._stopped:
                 self.counts.superseded += int(index in self._views_for_all)
                 self._views_for_all[index] = view
+        self._forget_gone(view)
         for landmark_id in view.boxes_px:
             progress = self._progress.setdefault(landmark_id, _Progress())
-            if not self._want("verification", landmark_id, view) and self._description_is_due(progress):
+            self._want("verification", landmark_id, view)
+            judged = progress.passed or progress.doubted or not self._has_judge()
+            if judged and self._description_is_due(progress):  # also if it was asked before, and had no answer
                 self._want("description", landmark_id, view)
         self._renew_descriptions(view)
         self._want_merging(view)
@@ -175,6 +181,8 @@ class Chain:
             progress.described, progress.doubted, progress.passed, progress.pending = True, False, True, True
             if isinstance(edit, Relabel):
                 self.known_labels[edit.label] = None
+                while len(self.known_labels) > MOST_LABELS:
+                    del self.known_labels[next(iter(self.known_labels))]
         elif isinstance(edit, Remove):
             progress.passed = progress.pending = False
             return
@@ -197,22 +205,18 @@ class Chain:
                 want.view = view
                 self.counts.superseded += 1
 
-    def _want(self, role: str, landmark_id: int, view: AgentView) -> bool:
-        """Let all agents of a role be asked of a landmark in a view; whether there is one that is or was asked of it."""
-        found = False
+    def _want(self, role: str, landmark_id: int, view: AgentView) -> None:
+        """Let all agents of a role be asked of a landmark in a view, unless they were asked of this version in this view."""
         for index, agent in enumerate(self._agents):
-            if agent.role != role or index in self._stopped:
-                continue
-            found = True
-            if self._asked.get((index, landmark_id)) != (_version(view, landmark_id), view.keyframe_id):
+            asked = self._asked.get((index, landmark_id))
+            if agent.role == role and index not in self._stopped and asked != (_version(view, landmark_id), view.keyframe_id):
                 self.counts.superseded += int((index, landmark_id) in self._waiting)
-                self._waiting[index, landmark_id] = _Want(view, self._urgency(role, landmark_id))
-        return found
+                self._waiting[index, landmark_id] = _Want(view, self._urgency(role, landmark_id, asked))
 
-    def _urgency(self, role: str, landmark_id: int) -> tuple[int, int]:
+    def _urgency(self, role: str, landmark_id: int, asked: tuple[int, int] | None) -> tuple[int, int]:
         progress = self._progress.setdefault(landmark_id, _Progress())
-        if role == "description":
-            return DESCRIBE, 0
+        if role == "description":  # who had no answer once may have none again, and must not keep others waiting
+            return (DESCRIBE, 0) if asked is None or progress.described else (VERIFY, asked[1])
         if role == "merging":
             return MERGE, 0
         return (VERIFY_NEW, 0) if progress.verified < 0 else (VERIFY, progress.verified)
@@ -241,6 +245,20 @@ class Chain:
 
     def _newest_with(self, landmark_id: int, view: AgentView) -> AgentView:
         return self._newest if self._newest is not None and landmark_id in self._newest.boxes_px else view
+
+    def _has_judge(self) -> bool:
+        """Whether somebody is there who confirms and doubts."""
+        return any(a.role == "verification" and not a.only_denies and k not in self._stopped for k, a in enumerate(self._agents))
+
+    def _forget_gone(self, view: AgentView) -> None:
+        """Drop what is known of landmarks that are not in the map any more, now and then."""
+        present = set(view.landmarks.ids.tolist())
+        if len(self._progress) <= 2 * len(present) + MOST_LABELS:
+            return
+        self._progress = {i: progress for i, progress in self._progress.items() if i in present}
+        self._asked = {key: asked for key, asked in self._asked.items() if key[1] in present}
+        self._waiting = {key: want for key, want in self._waiting.items() if key[1] in present}
+        self._pairs_asked = {pair: asked for pair, asked in self._pairs_asked.items() if present.issuperset(pair)}
 
     def _has(self, role: str) -> bool:
         return any(agent.role == role and index not in self._stopped for index, agent in enumerate(self._agents))

@@ -75,7 +75,7 @@ class LocalVerification(Agent):
             got = f"{depth_noise_at_1m_m}, {looks_a_view}, {most_remembered}"
             raise ConfigError(f"local_verification: depth_noise_at_1m_m, looks_a_view and most_remembered must be above 0, got {got}")
         self._likelihood = likelihood
-        self._only_denies = only_denies
+        self.only_denies = only_denies
         self._noise = depth_noise_at_1m_m
         self._looks_a_view = looks_a_view
         self._most_remembered = most_remembered
@@ -99,7 +99,7 @@ class LocalVerification(Agent):
                 due.append((looks.tried.get(side, 0), sum(looks.tried.values()), landmark_id, side))
         denied = [i for _, _, i, side in sorted(due)[: self._looks_a_view] if self._denies(i, side, view)]
         edits: list[Edit | None] = [self._denied(i, view) for i in denied]
-        if not self._only_denies:
+        if not self.only_denies:
             leading = leading_words(view.landmarks)
             edits += [self._confirmed_or_doubted(i, view, leading) for i in asked if i not in denied]
         self._forget_oldest()

@@ -4,7 +4,7 @@ With the rails on, a verdict is evidence (``verdicts``): a landmark is removed, 
 what was seen of it, leaves little doubt. With the rails off every edit is applied whose version holds, as in SEO-SLAM III-D.
 """
 
-from collections import deque
+from collections import defaultdict, deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
@@ -14,6 +14,7 @@ from seo_slam.config import EditSettings
 from seo_slam.errors import EditRefused, FrameError
 from seo_slam.geometry import FloatArray
 from seo_slam.interfaces import Embedder, Smoother
+from seo_slam.mapping.edit_records import ids_and_versions, ids_of, in_words, percent, record_of
 from seo_slam.mapping.edits import apply_edit, merge_landmarks, require_close
 from seo_slam.mapping.object_map import ObjectMap
 from seo_slam.mapping.thing import Thing
@@ -45,6 +46,21 @@ MOST_WAITING = 256
 
 class _Stale(EditRefused):
     """The landmark has changed since the agent saw it."""
+
+
+@dataclass(slots=True, eq=False)
+class _Told:
+    """The names that agents gave a landmark.
+
+    Attributes:
+        before: version after a renaming -> version and plain word before it.
+        labels: category -> the newest descriptive label that goes with it.
+        is_final: it came from an agent of role "any", which is taken at its word.
+    """
+
+    before: dict[int, tuple[int, str]] = field(default_factory=dict)
+    labels: dict[str, str] = field(default_factory=dict)
+    is_final: bool = False
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -89,11 +105,9 @@ class EditDesk:
         self._verdicts = Verdicts()
         self._waiting: deque[Proposal] = deque()
         self._applied_at: dict[int, int] = {}  # the newest keyframe -> edits applied in it
-        self._renamed_from: dict[tuple[int, int], int] = {}  # landmark and version after an agent renamed it -> version before
         self._merge_votes: dict[tuple[int, int], set[int]] = {}  # pair -> keyframes of the views that spoke for it
-        self._labels: dict[tuple[int, str], str] = {}  # landmark and category -> the newest descriptive label of it
+        self._told: defaultdict[int, _Told] = defaultdict(_Told)
         self._refused: dict[int, _Refused] = {}
-        self._at_their_word: set[int] = set()  # landmarks whose name came from an agent of role "any"
 
     @property
     def waiting(self) -> int:
@@ -102,7 +116,7 @@ class EditDesk:
 
     def is_new(self, landmark_id: int) -> bool:
         """Whether no agent has said anything of a landmark."""
-        return not self._verdicts.of(landmark_id)
+        return not self._verdicts.is_judged(landmark_id)
 
     def judge(self, proposals: Sequence[Proposal], keyframe_id: int, now_s: float, *, heed_quota: bool = True) -> Judged:
         """Judge proposals, older ones that wait first; however often it is called, a keyframe has one quota."""
@@ -111,7 +125,7 @@ class EditDesk:
         applied = self._applied_at.get(keyframe_id, 0)
         while self._waiting and (applied < self._settings.quota or not heed_quota):
             proposal = self._waiting.popleft()
-            before = self._rows(_ids_of(proposal.edit))
+            before = self._rows(ids_of(proposal.edit))
             try:
                 event, outcome, detail = self._decide(proposal)
             except _Stale as error:
@@ -123,21 +137,35 @@ class EditDesk:
                 out.events.append(event if event.source else replace(event, source=proposal.agent))
             changed = event is not None and event.kind != "confirmed"
             applied += int(changed)
-            out.records.append(_record(proposal, event, outcome, detail, keyframe_id, now_s, before if changed else ()))
+            out.records.append(record_of(proposal, event, outcome, detail, keyframe_id, now_s, before if changed else ()))
         self._applied_at = {keyframe_id: applied}
         while len(self._waiting) > MOST_WAITING:
             dropped = self._waiting.popleft()
-            out.records.append(_record(dropped, None, "refused", "too many edits wait", keyframe_id, now_s, ()))
+            out.records.append(record_of(dropped, None, "refused", "too many edits wait", keyframe_id, now_s, ()))
         return out
 
-    def forget_missing(self) -> None:
-        """Drop what was said of landmarks that are gone."""
-        for landmark_id in self._verdicts.known() - self._objects.things.keys():
-            self._verdicts.forget(landmark_id)
+    def follow(self, events: Sequence[MapEvent]) -> None:
+        """Learn what the map did by itself: what was said of a landmark goes with it, or is forgotten."""
+        for event in events:
+            if event.kind == "removed":
+                self._forget(event.landmark_id)
+            elif event.kind == "merged" and event.other_id is not None:
+                self._join(event.other_id, event.landmark_id)
+            elif event.kind == "moved" and event.other_id is not None:
+                self._join(event.landmark_id, event.other_id)
+        self._merge_votes = {pair: votes for pair, votes in self._merge_votes.items() if all(i in self._objects for i in pair)}
+
+    def _join(self, keep_id: int, drop_id: int) -> None:
+        self._verdicts.merge(keep_id, drop_id)
+        self._forget(drop_id)
+
+    def _forget(self, landmark_id: int) -> tuple[Verdict, ...]:
+        self._told.pop(landmark_id, None)
+        return self._verdicts.forget(landmark_id)
 
     def _decide(self, proposal: Proposal) -> tuple[MapEvent | None, EditOutcome, str]:
         edit = proposal.edit
-        if not _ids_of(edit):
+        if not ids_of(edit):
             raise EditRefused(f"got {edit!r:.80}, wanted Confirm, Doubt, Relabel, Remove or Merge")
         self._require_current(edit)
         if not self._settings.rails:
@@ -145,8 +173,9 @@ class EditDesk:
         if isinstance(edit, Merge):
             return self._weigh_merge(edit, proposal)
         if isinstance(edit, Relabel) and proposal.role == "any":
-            self._at_their_word.add(edit.landmark_id)
-            return self._as_proposed(proposal)
+            decided = self._as_proposed(proposal)
+            self._told[edit.landmark_id].is_final = True
+            return decided
         return self._weigh(edit, proposal)
 
     def _as_proposed(self, proposal: Proposal) -> tuple[MapEvent | None, EditOutcome, str]:
@@ -154,12 +183,16 @@ class EditDesk:
         edit = self._for_now(proposal.edit)
         if isinstance(edit, Doubt):
             return None, "noted", f"{self._objects[edit.landmark_id].label!r} is doubted"
+        if isinstance(edit, Relabel) and self._has_name(edit):
+            return None, "noted", f"it is called {edit.label!r} already"
+        before = None if isinstance(edit, Merge) else self._objects[edit.landmark_id]
+        word_before = _plain_word(before) if before is not None else ""
         if isinstance(edit, Merge):
             event = merge_landmarks(edit.keep_id, edit.drop_id, self._objects, self._smoother, edit.source)
         else:
             event = apply_edit(edit, self._objects, self._smoother, self._embedder)
         if isinstance(edit, Relabel):
-            self._renamed_from[edit.landmark_id, self._objects[edit.landmark_id].version] = edit.version
+            self._told[edit.landmark_id].before[self._objects[edit.landmark_id].version] = (edit.version, word_before)
         return event, "applied", event.detail
 
     def _for_now(self, edit: Edit) -> Edit:
@@ -177,16 +210,16 @@ class EditDesk:
         verdict = self._verdict(edit, thing, proposal)
         self._verdicts.hear(thing.id, verdict)
         if isinstance(edit, Relabel):
-            self._labels[thing.id, verdict.word] = _clean(edit.label, thing.id)
+            self._told[thing.id].labels[verdict.word] = _clean(edit.label, thing.id)
         belief = self._verdicts.belief(thing.id, thing.existence, thing.observations, thing.weights)
         if isinstance(edit, Remove) and self._may_be_removed(thing, belief):
-            return self._remove(thing, edit.source), "applied", f"{thing.label}, {_percent(belief.nothing)} nothing"
+            return self._remove(thing, edit.source), "applied", f"{thing.label}, {percent(belief.nothing)} nothing"
         event = self._renamed(thing, belief, edit.source)
         if event is not None:
             return event, "applied", event.detail
         if first_confirm:
             return MapEvent("confirmed", thing.id, thing.label, edit.source), "applied", thing.label
-        return None, "noted", _in_words(edit, thing, belief)
+        return None, "noted", in_words(edit, thing, belief)
 
     def _may_be_removed(self, thing: Thing, belief: Belief) -> bool:
         denials = {(v.who, v.view) for v in self._verdicts.of(thing.id) if v.kind == "remove"}
@@ -195,7 +228,7 @@ class EditDesk:
 
     def _remove(self, thing: Thing, source: str) -> MapEvent:
         """Take a thing out of graph and map, and remember what was said of its place."""
-        where = _Refused(self._place(thing), max(0.5 * float(thing.size_m().max()), LEAST_REACH_M), self._verdicts.forget(thing.id))
+        where = _Refused(self._place(thing), max(0.5 * float(thing.size_m().max()), LEAST_REACH_M), self._forget(thing.id))
         self._refused[thing.id] = where
         while len(self._refused) > MOST_REFUSED:
             del self._refused[next(iter(self._refused))]
@@ -219,19 +252,20 @@ class EditDesk:
     def _renamed(self, thing: Thing, belief: Belief, source: str) -> MapEvent | None:
         """Give a thing the word that is most likely, and the newest description that goes with it, unless it has them."""
         best = belief.best
-        if thing.id in self._at_their_word or not best or belief.words[best] < SURELY_NAMED * (1.0 - belief.nothing):
+        told = self._told[thing.id]
+        if told.is_final or not best or belief.words[best] < SURELY_NAMED * (1.0 - belief.nothing):
             return None
-        described = self._labels.get((thing.id, best))
-        now = (thing.fixed_category or thing.label).casefold()
+        described = told.labels.get(best)
+        now = _plain_word(thing)
         if (best == now and described in (None, thing.label)) or (best != now and described is None and thing.fixed_label is None):
             return None  # it has it already; or only the detector says so, whose word leads as soon as it is the heaviest
         category = next((word for word in thing.weights if word.casefold() == best), best)
         label = described or category
         if (label, category if label != category else "") == (thing.label, thing.fixed_category):
             return None
-        before, version = thing.label, thing.version
+        before, version = thing.label, (thing.version, now)
         self._objects.relabel(thing.id, label, self._embedder.embed_text([label])[0], category if label != category else "")
-        self._renamed_from[thing.id, thing.version] = version
+        told.before[thing.version] = version
         return MapEvent("relabelled", thing.id, f"{before} -> {label}", source)
 
     def _weigh_merge(self, edit: Merge, proposal: Proposal) -> tuple[MapEvent | None, EditOutcome, str]:
@@ -249,16 +283,28 @@ class EditDesk:
             return None, "noted", f"landmarks {edit.keep_id} and {edit.drop_id} are said to be one; a second view is to say so, too"
         del self._merge_votes[low, high]
         event = merge_landmarks(edit.keep_id, edit.drop_id, self._objects, self._smoother, edit.source)
-        self._verdicts.merge(edit.keep_id, edit.drop_id)
+        self._join(edit.keep_id, edit.drop_id)
         return event, "applied", f"{event.detail} into {edit.keep_id}"
 
     def _verdict(self, edit: Confirm | Doubt | Relabel | Remove, thing: Thing, proposal: Proposal) -> Verdict:
         kinds: dict[type, VerdictKind] = {Confirm: "confirm", Doubt: "doubt", Remove: "remove", Relabel: "name"}
-        word = thing.fixed_category or thing.label
+        word = self._word_at(edit.version, thing)
         if isinstance(edit, Relabel):
             word = _clean(edit.category, thing.id) if edit.category else _clean(edit.label, thing.id)
         who, side = f"{proposal.agent} {proposal.model}".strip(), self._side(thing, proposal)
         return Verdict(who, kinds[type(edit)], "" if isinstance(edit, Remove) else word.casefold(), side, proposal.view_keyframe_id)
+
+    def _word_at(self, version: int, thing: Thing) -> str:
+        """The plain word that a thing had at a version: what a verdict was about, though the thing was renamed since."""
+        word, now, before = _plain_word(thing), thing.version, self._told[thing.id].before
+        while now > version and now in before:
+            now, word = before[now]
+        return word
+
+    def _has_name(self, edit: Relabel) -> bool:
+        thing = self._objects[edit.landmark_id]
+        given = (edit.label, edit.category if edit.category != edit.label else "")
+        return thing.fixed_label is not None and given == (thing.fixed_label, thing.fixed_category)
 
     def _side(self, thing: Thing, proposal: Proposal) -> int:
         """From where a thing was looked at; a keyframe's own number, below 0, where nothing is known of the camera."""
@@ -268,12 +314,13 @@ class EditDesk:
         return int(np.floor((np.arctan2(y, x) / (2.0 * np.pi)) * SIDES)) % SIDES
 
     def _require_current(self, edit: Edit) -> None:
-        for landmark_id, version in _ids_and_versions(edit):
+        for landmark_id, version in ids_and_versions(edit):
             if landmark_id not in self._objects:
                 raise _Stale(f"landmark {landmark_id} is not in the map (any more)")
             now = self._objects[landmark_id].version
-            while now > version and (landmark_id, now) in self._renamed_from:  # an agent's own name changes nothing about the thing
-                now = self._renamed_from[landmark_id, now]
+            before = self._told[landmark_id].before
+            while now > version and now in before:  # an agent's own name changes nothing about the thing
+                now = before[now][0]
             if now != version:
                 current = self._objects[landmark_id].version
                 kind = _Stale if version < current else EditRefused  # a version that never was is a fault of the agent
@@ -290,49 +337,8 @@ class EditDesk:
         return tuple(self._objects.rows_with(every[rows], p_world[rows], covariances))
 
 
-def _ids_and_versions(edit: Edit) -> list[tuple[int, int]]:
-    match edit:
-        case Merge():
-            return [(edit.keep_id, edit.keep_version), (edit.drop_id, edit.drop_version)]
-        case Confirm() | Doubt() | Relabel() | Remove():
-            return [(edit.landmark_id, edit.version)]
-        case _:
-            return []
-
-
-def _ids_of(edit: Edit) -> list[int]:
-    return [landmark_id for landmark_id, _ in _ids_and_versions(edit)]
-
-
-def _record(
-    proposal: Proposal,
-    event: MapEvent | None,
-    outcome: EditOutcome,
-    detail: str,
-    keyframe_id: int,
-    now_s: float,
-    before: tuple[Landmark, ...],
-) -> EditRecord:
-    """What is kept; a verdict that led to another change is recorded as that change, since that is what can be undone."""
-    edit = proposal.edit
-    kinds = {"removed": "remove", "relabelled": "relabel", "merged": "merge", "confirmed": "confirm"}
-    kind = kinds[event.kind] if event is not None else type(edit).__name__.lower()
-    ids = _ids_of(edit)
-    return EditRecord(
-        kind=kind,
-        landmark_id=ids[-1] if ids else -1,
-        other_id=ids[0] if len(ids) > 1 else None,
-        outcome=outcome,
-        detail=detail,
-        agent=proposal.agent,
-        model=proposal.model,
-        prompt_hash=proposal.prompt_hash,
-        view_keyframe_id=proposal.view_keyframe_id,
-        view_s=proposal.view_s,
-        keyframe_id=keyframe_id,
-        timestamp_s=now_s,
-        before=before,
-    )
+def _plain_word(thing: Thing) -> str:
+    return (thing.fixed_category or thing.label).casefold()
 
 
 def _clean(label: object, landmark_id: int) -> str:
@@ -343,15 +349,3 @@ def _clean(label: object, landmark_id: int) -> str:
     if clean is None:
         raise EditRefused(f"landmark {landmark_id}: got an empty label")
     return clean
-
-
-def _in_words(edit: Edit, thing: Thing, belief: Belief) -> str:
-    """A verdict that changes nothing (yet), and what is believed now."""
-    best = belief.best
-    believed = f"nothing {_percent(belief.nothing)}" + (f", {best} {_percent(belief.words[best])}" if best else "")
-    said = f"{edit.label!r}" if isinstance(edit, Relabel) else f"{thing.label!r}"
-    return f"{said}; believed: {believed}"
-
-
-def _percent(share: float) -> str:
-    return f"{100 * share:.0f} %"

@@ -6,7 +6,7 @@ rater; but judged by sightings alone, for a model that says the same of everythi
 explanations compete that it is nothing, or a thing of one of the words that were said of it.
 """
 
-from collections import Counter, defaultdict
+from collections import Counter, defaultdict, deque
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Literal
@@ -43,6 +43,10 @@ SURE_BY_SIGHT = 0.4
 
 SAME_SIDE = 0.25
 """What a verdict adds after another from the same side: a model shown the same picture errs the same way."""
+
+
+MOST_VERDICTS = 64
+"""So many of a landmark are remembered with their view; beyond, their number."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,7 +86,7 @@ class Belief:
 
 @dataclass(slots=True)
 class _Heard:
-    verdicts: list[Verdict] = field(default_factory=list)
+    verdicts: deque[Verdict] = field(default_factory=lambda: deque(maxlen=MOST_VERDICTS))
     counts: Counter[Verdict] = field(default_factory=Counter)  # the same without their views: few, however long a run is
     right: dict[str, tuple[float, float]] = field(default_factory=dict)  # who -> expected number of right verdicts, number of all
 
@@ -104,8 +108,12 @@ class Verdicts:
         """Take a verdict."""
         self._heard.setdefault(landmark_id, _Heard()).hear(verdict)
 
+    def is_judged(self, landmark_id: int) -> bool:
+        """Whether anything was said of a landmark."""
+        return landmark_id in self._heard and bool(self._heard[landmark_id].counts)
+
     def of(self, landmark_id: int) -> tuple[Verdict, ...]:
-        """Everything said of a landmark, oldest first."""
+        """What was said of a landmark, the newest, oldest first."""
         return tuple(self._heard[landmark_id].verdicts) if landmark_id in self._heard else ()
 
     def reliability(self, who: str) -> float:
@@ -122,10 +130,6 @@ class Verdicts:
             for verdict in dropped.verdicts:
                 if verdict.kind != "remove":
                     kept.hear(verdict)
-
-    def known(self) -> set[int]:
-        """Ids of landmarks of which something was said."""
-        return set(self._heard)
 
     def forget(self, landmark_id: int) -> tuple[Verdict, ...]:
         """Drop what was said of a landmark that left the map, and return it; the models' reliability stays measured."""
