@@ -6,6 +6,7 @@ import pytest
 from typer.testing import CliRunner
 
 from seo_slam.cli.app import app
+from seo_slam.cli.demo import _aligned
 from seo_slam.errors import ConfigError
 
 SHORT = ["--frames", "12", "--seed", "3"]
@@ -36,6 +37,19 @@ def test_says_what_was_found_and_where_to_look(ran):
     assert any(line.startswith("precision ") for line in lines)
     assert str(folder / "report.html") in result.stdout
     assert sum(" cm" in line for line in lines[3:18]) >= 5  # most things in view are found, even in 12 frames
+
+
+def test_columns_do_not_run_together(ran):
+    assert _aligned([("on it", "found as", "at"), ("cup", "grey and white keyboard", "2.04"), ("monitor", "b", "")]) == [
+        "on it    found as                 at",
+        "cup      grey and white keyboard  2.04",
+        "monitor  b",
+    ]
+    lines = ran[1].stdout.splitlines()
+    column = next(line for line in lines if line.startswith("on the desk")).index("at x, y, z")
+    placed = [line for line in lines if line.endswith(" cm")]
+    assert all(line[column - 2 : column] == "  " and line[column] in "-0123456789" for line in placed)
+    assert f"seo-slam ask {ran[0]} " in ran[1].stdout
 
 
 def test_score_agrees_with_eval(ran):

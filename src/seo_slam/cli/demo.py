@@ -10,6 +10,8 @@ from seo_slam.cli.progress import with_progress
 from seo_slam.config import Component, Config
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
     from seo_slam.evaluation.scores import LandmarksResult
     from seo_slam.run_result import RunResult
 
@@ -56,32 +58,39 @@ def demo(
 def _summary(result: "RunResult", score: "LandmarksResult", truth: dict[str, Any], folder: Path) -> str:
     landmarks = {landmark.id: landmark for landmark in result.map.landmarks}
     found = {match.object_id: match for match in score.matched}
-    lines = [
-        f"{result.frames} frames, {result.keyframes} keyframes, {result.detections} detections, {len(landmarks)} landmarks",
-        "",
-        f"{'on the desk':<14}{'found as':<20}{'at x, y, z (m)':<24}error",
-    ]
+    rows = [("on the desk", "found as", "at x, y, z (m)", "error")]
     for item in truth["objects"]:
         match = found.get(str(item["id"]))
         if match is None:
-            lines.append(f"{item['label']:<14}not found")
+            rows.append((item["label"], "not found", "", ""))
             continue
-        x, y, z = landmarks[match.landmark_id].position_m
-        place = f"{x:.2f}, {y:.2f}, {z:.2f}"
-        lines.append(f"{item['label']:<14}{match.label:<20}{place:<24}{100 * match.distance_m:.1f} cm")
-    for extra in score.extra:
-        place = ", ".join(f"{value:.2f}" for value in extra.position_m)
-        lines.append(f"{'(nothing)':<14}{extra.label:<20}{place:<24}{extra.kind}")
+        place = _place(landmarks[match.landmark_id].position_m)
+        rows.append((item["label"], match.label, place, f"{100 * match.distance_m:.1f} cm"))
+    rows += [("(nothing)", extra.label, _place(extra.position_m), extra.kind) for extra in score.extra]
     s = score.score
-    lines += [
+    lines = [
+        f"{result.frames} frames, {result.keyframes} keyframes, {result.detections} detections, {len(landmarks)} landmarks",
+        "",
+        *_aligned(rows),
         "",
         f"precision {s.precision:.2f}, recall {s.recall:.2f}, F1 {s.f1:.2f} ({score.protocol}, within {100 * score.radius_m:.0f} cm)",
         "The detector is simulated and makes mistakes on purpose: it misses things, mistakes them, and sees things that are not there.",
         "",
         f"look at     {folder / 'report.html'}, and truth and map side by side: {folder / 'evaluation.html'}",
-        f'ask         seo-slam query {folder} "something to drink from"',
+        f'find        seo-slam query {folder} "something to drink from"',
+        f'ask         seo-slam ask {folder} "I am thirsty, what is there?"',
         f"score       seo-slam eval landmarks {folder} {folder / 'truth.json'}",
         f"            seo-slam eval trajectory {folder / 'trajectory.txt'} {folder / 'groundtruth.txt'}",
         "your data   seo-slam check PATH, then seo-slam run auto PATH --out DIR",
     ]
     return "\n".join(lines)
+
+
+def _place(position_m: "Iterable[float]") -> str:
+    return ", ".join(f"{value:.2f}" for value in position_m)
+
+
+def _aligned(rows: "Sequence[tuple[str, ...]]") -> list[str]:
+    """Each column as wide as its longest cell, two blanks between them: agents give long names."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    return ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]

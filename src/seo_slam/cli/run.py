@@ -209,9 +209,10 @@ def _summary(finished: "FinishedRun", folder: Path) -> str:
     ]
     if not finished.complete:
         lines.insert(0, "interrupted: the result holds what was seen until then")
+    width = max((len(landmark.label or "?") for landmark in finished.result.map.landmarks), default=1)  # agents give long names
     for landmark in finished.result.map.landmarks:
         x, y, z = landmark.position_m
-        lines.append(f"  {landmark.id:4d}  {landmark.label or '?':<24} {x:7.2f} {y:7.2f} {z:7.2f} m   seen {landmark.observations} x")
+        lines.append(f"  {landmark.id:4d}  {landmark.label or '?':<{width}} {x:7.2f} {y:7.2f} {z:7.2f} m   seen {landmark.observations} x")
     lines += [f"warning: {warning['message']} ({warning['count']} x)" for warning in finished.run["warnings"]]
     lines.append(f"report: {folder / 'report.html'}")
     return "\n".join(lines)
