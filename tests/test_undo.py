@@ -129,6 +129,32 @@ def test_a_removed_landmark_comes_back_under_its_id(desk):
         assert store.near(was.position_m, 0.01) == (2,)
 
 
+@pytest.mark.parametrize(
+    ("again", "is_said"),
+    [
+        ({}, True),
+        ({"label": "red cup", "category": "cup"}, True),
+        ({"label": "bowl"}, False),
+        ({"away_m": 0.05}, False),  # the extent is 0.08 m
+        ({"state": "tentative"}, False),
+    ],
+)
+def test_a_removed_thing_that_was_mapped_again_is_named(desk, again, is_said):
+    was = desk.now[2]
+    desk.remove(2)
+    x, y, z = was.position_m
+    row = make_landmark(9, (x + again.get("away_m", 0.03), y, z))
+    desk.now[9] = replace(row, **{key: value for key, value in again.items() if key != "away_m"})
+    desk.see(9)
+    folder = desk.save()
+    said = "; warning: landmark 9 is at that place under the same name; it may be the same thing, mapped again since"
+    record = undo_edit(folder, 1)
+    assert record.detail == "edit 1, remove of landmark 2: cup" + (said if is_said else "")
+    assert read_edits(folder)[-1].detail == record.detail
+    assert {2, 9} <= set(rows_of(folder))
+    require_agreement(folder)
+
+
 def test_merged_landmarks_are_two_again(desk):
     keep, drop = desk.now[1], desk.now[3]
     desk.merge(3, 1)
@@ -361,12 +387,12 @@ def test_a_run_goes_on_with_the_map_and_its_store(tmp_path):
     cup, book = first.map.landmarks
     named = replace(cup, version=cup.version + 1, **BOOT)
     with SqliteStore(tmp_path / "map.db") as store:
-        newest = int(store.keyframe_ids()[-1])
+        newest, known = int(store.keyframe_ids()[-1]), len(store.edits())
         edits = (make_edit(landmark_id=cup.id, before=(cup,)), make_edit("remove", book.id, before=(book,)))
         store.amend(Amendment(newest, (named,), (book.id,), (), edits))
     Map([named], first.map.gravity, first.map.embedder, first.map.next_id).save(tmp_path)
-    undo_edit(tmp_path, 1)
-    undo_edit(tmp_path, 2)
+    undo_edit(tmp_path, known + 1)
+    undo_edit(tmp_path, known + 2)
     require_agreement(tmp_path)
     old = Map.load(tmp_path)
     assert [row.label for row in old.landmarks] == [cup.label, book.label]

@@ -9,6 +9,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from seo_slam import registry
 from seo_slam.errors import MapError
 from seo_slam.map import MAP_FILE, STORE_FILE, Map
@@ -65,7 +67,8 @@ def undo_edit(folder: str | Path, number: int) -> EditRecord:
         number: of an edit with outcome "applied" that renamed, removed or merged; the first edit is number 1.
 
     Returns:
-        What was kept of it: an edit of kind "undo", whose ``other_id`` is ``number``.
+        What was kept of it: an edit of kind "undo", whose ``other_id`` is ``number``. Where a removed thing seems to have been mapped again
+        under another id since, ``detail`` ends with a warning that names it: the map then has the thing twice.
 
     Raises:
         MapError: no map.db, a run still writes it, no such edit, nothing that can be undone, undone already, or what came later stands in
@@ -82,6 +85,8 @@ def undo_edit(folder: str | Path, number: int) -> EditRecord:
         _require_map_as_left(edit, number, by_id, store)
         restored = _restored(edit, by_id)
         record = _record(edit, number, store, [by_id[row.id] for row in restored if row.id in by_id])
+        if edit.kind == "remove" and (twins := _mapped_again(restored[0], now.landmarks)):
+            record = replace(record, detail=f"{record.detail}; {_warning(twins)}")
     _amend(files, Amendment(record.keyframe_id, tuple(restored), (), _events(edit, record), (record,)), len(edits))
     by_id.update({row.id: row for row in restored})
     _write(files, Map(by_id.values(), now.gravity, now.embedder, now.next_id))
@@ -205,6 +210,21 @@ def _restored(edit: EditRecord, by_id: Mapping[int, Landmark]) -> list[Landmark]
     if edit.kind == "merge" and edit.other_id is not None:
         restored.append(_split(before[edit.other_id], back, by_id[edit.other_id]))
     return restored
+
+
+def _mapped_again(back: Landmark, stable: Iterable[Landmark]) -> list[int]:
+    """Ids of stable landmarks within the extent of one that comes back, of the same label or category: most likely the same thing."""
+    words = {back.label, back.category} - {""}
+    return [
+        row.id
+        for row in stable
+        if words & {row.label, row.category} and bool(np.all(np.abs(row.position_m - back.position_m) <= 0.5 * back.size_m))
+    ]
+
+
+def _warning(twins: Sequence[int]) -> str:
+    which = f"landmark {twins[0]} is" if len(twins) == 1 else f"landmarks {', '.join(map(str, twins))} are"
+    return f"warning: {which} at that place under the same name; it may be the same thing, mapped again since"
 
 
 def _split(was: Landmark, back: Landmark, now: Landmark) -> Landmark:

@@ -115,6 +115,12 @@ def test_an_edit_is_undone_and_the_list_says_so(run, result):
     assert err == "error: edit 1 was undone already, by edit 4\n"
 
 
+def test_an_undo_says_that_the_report_is_older(run, result):
+    (result / "report.html").write_text("<html>")
+    _, out, _ = run("edits", result / "map.db", "--undo", "1")
+    assert out.endswith("This is edit 4. report.html is as the run left it, and still shows the map before the undo.\n")
+
+
 def test_undo_as_json(run, result):
     out = json.loads(run("edits", result, "--undo", "1", "--json")[1])
     assert [(edit["number"], edit["kind"], edit["other_id"]) for edit in out["edits"]] == [(4, "undo", 1)]

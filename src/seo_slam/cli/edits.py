@@ -29,7 +29,8 @@ def edits(
             raise ConfigError("--undo takes no --agent, --landmark or --outcome: the number says which edit")
         record = undo_edit(map_path, undo)
         number = len(read_edits(map_path))
-        typer.echo(_json([(number, record)], {}) if as_json else f"Undone: {_printable(record.detail, 400)}. This is edit {number}.")
+        said = f"Undone: {_printable(record.detail, 400)}. This is edit {number}.{_about_report(map_path)}"
+        typer.echo(_json([(number, record)], {}) if as_json else said)
         return
     if outcome not in (None, *get_args(EditOutcome)):
         raise ConfigError(f"--outcome: got {outcome!r}, wanted applied, noted, stale or refused")
@@ -48,6 +49,11 @@ def edits(
         typer.echo(_table(chosen, undone))
     else:
         typer.echo("No edits." if not every else f"None of the {len(every)} edits is like that.")
+
+
+def _about_report(map_path: Path) -> str:
+    folder = map_path if map_path.is_dir() else map_path.parent
+    return " report.html is as the run left it, and still shows the map before the undo." if (folder / "report.html").is_file() else ""
 
 
 def _json(chosen: list[tuple[int, EditRecord]], undone: dict[int, int]) -> str:
