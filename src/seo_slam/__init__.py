@@ -15,11 +15,18 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from seo_slam.agents.description import DescriptionAgent
+    from seo_slam.agents.local_description import LocalDescription
+    from seo_slam.agents.local_merging import LocalMerging
+    from seo_slam.agents.local_verification import LocalVerification
+    from seo_slam.agents.merging import MergingAgent
+    from seo_slam.agents.verification import VerificationAgent
+    from seo_slam.ask.answer import Answer
     from seo_slam.association.two_stage import TwoStageAssociator
     from seo_slam.backends.openai_chat import OpenAIChat
     from seo_slam.backends.recorded_odometry import RecordedOdometry
     from seo_slam.camera import Camera
-    from seo_slam.config import Component, Config
+    from seo_slam.config import LOCAL_AGENTS, Component, Config
     from seo_slam.datasets.open import open_dataset
     from seo_slam.datasets.trajectory_files import read_trajectory, write_trajectory
     from seo_slam.errors import (
@@ -51,15 +58,23 @@ if TYPE_CHECKING:
     from seo_slam.simulation.recording import SimulatedDesk
     from seo_slam.simulation.rooms import SimulatedRoom
     from seo_slam.types import NEW, REJECTED, Association, Detections, Estimate, Frame, Landmark, Landmarks, Motion, Observations
+    from seo_slam.undo import read_edits, undo_edit
 
 __version__ = "0.1.0"
 
 _MODULES = {
+    "agents.description": ("DescriptionAgent",),
+    "agents.local_description": ("LocalDescription",),
+    "agents.local_merging": ("LocalMerging",),
+    "agents.local_verification": ("LocalVerification",),
+    "agents.merging": ("MergingAgent",),
+    "agents.verification": ("VerificationAgent",),
+    "ask.answer": ("Answer",),
     "association.two_stage": ("TwoStageAssociator",),
     "backends.openai_chat": ("OpenAIChat",),
     "backends.recorded_odometry": ("RecordedOdometry",),
     "camera": ("Camera",),
-    "config": ("Component", "Config"),
+    "config": ("LOCAL_AGENTS", "Component", "Config"),
     "datasets.open": ("open_dataset",),
     "datasets.trajectory_files": ("read_trajectory", "write_trajectory"),
     "errors": (
@@ -102,6 +117,7 @@ _MODULES = {
         "Motion",
         "Observations",
     ),
+    "undo": ("read_edits", "undo_edit"),
 }
 _HOME = {name: f"seo_slam.{module}" for module, names in _MODULES.items() for name in names}
 
@@ -141,6 +157,16 @@ __all__ = [  # noqa: RUF022  # by what they are for
     "Remove",
     "Merge",
     "EditRecord",
+    "read_edits",
+    "undo_edit",
+    "LOCAL_AGENTS",
+    "LocalVerification",
+    "LocalDescription",
+    "LocalMerging",
+    "VerificationAgent",
+    "DescriptionAgent",
+    "MergingAgent",
+    "Answer",
     "RecordedOdometry",
     "SimulatedDesk",
     "SimulatedRoom",
