@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from seo_slam.agents.reply_text import encodable
 from seo_slam.composition import Parts
 from seo_slam.geometry import FloatArray
 from seo_slam.mapping.object_map import ObjectMap
@@ -76,7 +77,7 @@ class Keeper:
                 landmark_ids=landmark_ids,
                 landmarks=tuple(changed),
                 removed_ids=tuple(sorted(gone)),
-                events=tuple(events),
+                events=tuple(_storable_event(event) for event in events),
                 edits=tuple(_storable(edit) for edit in edits),
             )
         )
@@ -94,8 +95,9 @@ class Keeper:
             MapError: the store could not.
         """
         changed, gone = self._changes(_ids_in(events), keyframe_id)
-        kept = tuple(_storable(edit) for edit in edits)
-        self._parts.store.amend(Amendment(keyframe_id, tuple(changed), tuple(sorted(gone)), tuple(events), kept))
+        kept_events = tuple(_storable_event(event) for event in events)
+        kept_edits = tuple(_storable(edit) for edit in edits)
+        self._parts.store.amend(Amendment(keyframe_id, tuple(changed), tuple(sorted(gone)), kept_events, kept_edits))
         self._have_kept(changed, gone)
 
     def _changes(self, touched: set[int], keyframe_id: int) -> tuple[list[Landmark], set[int]]:
@@ -145,10 +147,14 @@ def _storable(edit: EditRecord) -> EditRecord:
     )
 
 
+def _storable_event(event: MapEvent) -> MapEvent:
+    """The event with texts that any store can hold: its source and words may be an agent's."""
+    return replace(event, detail=_storable_text(event.detail), source=_storable_text(event.source))
+
+
 def _storable_id(number: object) -> int:
     return int(number) if isinstance(number, int | np.integer) and abs(int(number)) <= _LARGEST_ID else -1
 
 
 def _storable_text(text: object) -> str:
-    cut = str(text)[:LONGEST_TEXT]
-    return cut.encode("utf-8", "backslashreplace").decode("utf-8")  # half of a surrogate pair is no text that a file could hold
+    return encodable(str(text)[:LONGEST_TEXT])

@@ -11,7 +11,7 @@ from seo_slam.backends.memory_store import MemoryStore
 from seo_slam.backends.sqlite_store import SqliteStore
 from seo_slam.keeping import LONGEST_TEXT, Keeper
 from seo_slam.mapping.edits import apply_edit
-from seo_slam.records import Merge, Relabel, Remove
+from seo_slam.records import MapEvent, Merge, Relabel, Remove
 from seo_slam.testing.store import make_edit
 from seo_slam.types import Estimate, Observations
 
@@ -81,3 +81,14 @@ def test_nothing_that_an_agent_says_keeps_a_keyframe_from_being_kept(kept):
         assert (edit.landmark_id, edit.other_id, len(edit.detail)) == (-1, -1, LONGEST_TEXT)
         assert (edit.agent, edit.model, edit.prompt_hash) == ("half \\ud800 a pair", "\x00\x1b[31m", "'); DROP TABLE edit; --")
     assert kept.store.next_id() == 2
+
+
+@pytest.mark.parametrize("source", ["\ud800", object()], ids=["half a surrogate pair", "no text"])
+def test_nothing_that_an_event_holds_keeps_a_keyframe_from_being_kept(kept, source):
+    odd = MapEvent("confirmed", 0, "x" * 10_000_000, source)
+    kept.keep(1, [odd])
+    kept.keeper.amend(1, [odd], ())
+    assert kept.store.keyframe_ids().tolist() == [0, 1]
+    written = [(detail, source) for _, kind, detail, source in kept.store.history(0) if kind == "confirmed"]
+    assert [len(detail) for detail, _ in written] == [LONGEST_TEXT] * 2
+    assert all(text == str(source).encode("utf-8", "backslashreplace").decode() for _, text in written)

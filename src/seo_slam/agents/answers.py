@@ -1,13 +1,17 @@
 """What came back from agents, on its way to the map."""
 
+import asyncio
 import inspect
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
+
+import numpy as np
 
 from seo_slam.agents.chain import Query
 from seo_slam.agents.loop_thread import LoopThread
 from seo_slam.agents.message_tally import MessageTally
+from seo_slam.agents.reply_text import encodable
 from seo_slam.errors import AgentError, BudgetExceeded, ChatRequestError
 from seo_slam.records import Confirm, Doubt, Edit, Merge, Proposal, Relabel, Remove
 
@@ -34,7 +38,8 @@ class Answer:
         view, agent = self.query.view, self.query.agent
         x, y, z = view.T_world_camera[:3, 3].tolist()
         stamp_s = float(view.frame.timestamp_s)
-        source = (agent.name, agent.model, agent.prompt_hash, view.keyframe_id, stamp_s, (x, y, z), agent.role)
+        name, model = encodable(str(agent.name)), encodable(str(agent.model))
+        source = (name, model, agent.prompt_hash, view.keyframe_id, stamp_s, (x, y, z), agent.role)
         return [Proposal(edit, *source) for edit in self.edits]
 
 
@@ -83,41 +88,84 @@ def ask_and_wait(query: Query, thread: LoopThread) -> Answer:
     try:
         reply: Any = query.agent.propose(query.view)
         return answer_of(query, thread.wait_for(reply) if inspect.isawaitable(reply) else reply)
-    except Exception as error:  # noqa: BLE001  # an agent may raise anything, and no robot stops for it
-        return failure_of(query, error)
+    except (Exception, SystemExit, asyncio.CancelledError) as error:  # noqa: BLE001  # an agent may raise anything, and no robot stops
+        return failure_of(query, error)  # for it; a KeyboardInterrupt is the user's, who waits here
 
 
 async def ask(query: Query) -> Answer:
-    """Ask in the running loop."""
+    """Ask in the running loop, which is not the main thread's: a KeyboardInterrupt is the agent's own here."""
     try:
         reply: Any = query.agent.propose(query.view)
         return answer_of(query, await reply if inspect.isawaitable(reply) else reply)
-    except Exception as error:  # noqa: BLE001  # as above
+    except (Exception, SystemExit, KeyboardInterrupt) as error:  # noqa: BLE001  # as above
         return failure_of(query, error)
+    except asyncio.CancelledError as error:
+        task = asyncio.current_task()
+        if task is not None and task.cancelling():
+            raise
+        return failure_of(query, error)  # nobody cancelled the question: something that the agent waited for was cancelled
 
 
 def answer_of(query: Query, reply: object) -> Answer:
-    """Keep those edits that name only what was shown."""
+    """Keep those edits that are sound and name only what was shown."""
+    name = encodable(str(query.agent.name))
     if not isinstance(reply, Sequence) or isinstance(reply, str | bytes):
-        return Answer(query, problem=f"agent {query.agent.name}: answered with a {type(reply).__name__}, wanted a sequence of edits")
+        return Answer(query, problem=f"agent {name}: answered with a {type(reply).__name__}, wanted a sequence of edits")
     shown = set(query.view.asked) if query.view.asked else {int(i) for i in query.view.landmarks.ids}
-    good = tuple(edit for edit in reply if _names_only(edit, shown))
-    problem = "" if len(good) == len(reply) else f"agent {query.agent.name}: proposed edits of what it was not shown"
-    return Answer(query, good, problem)
+    sound = [edit for given in reply if (edit := _sound(given)) is not None]
+    good = tuple(edit for edit in sound if _names_only(edit, shown))
+    if len(sound) < len(reply):
+        wanted = "edits of records.py, with whole numbers as ids and versions, and text as label, category and source"
+        return Answer(query, good, f"agent {name}: proposed what is no edit, wanted {wanted}")
+    return Answer(query, good, "" if len(good) == len(sound) else f"agent {name}: proposed edits of what it was not shown")
 
 
-def failure_of(query: Query, error: Exception) -> Answer:
+def failure_of(query: Query, error: BaseException) -> Answer:
     """Return what a failed question comes to."""
     ends = isinstance(error, BudgetExceeded) or (isinstance(error, ChatRequestError) and error.permanent)
-    told = str(error) if isinstance(error, AgentError) else f"{type(error).__name__}: {error}"
-    return Answer(query, problem=f"agent {query.agent.name}: {told[:300]}", ends_agent=ends)
+    said = encodable(_said_by(error)[:300])
+    told = said if isinstance(error, AgentError) else f"{type(error).__name__}: {said}" if said else type(error).__name__
+    return Answer(query, problem=f"agent {encodable(str(query.agent.name))}: {told}", ends_agent=ends)
 
 
-def _names_only(edit: object, shown: set[int]) -> bool:
-    match edit:
-        case Merge(keep_id=keep, drop_id=drop):
-            return keep in shown and drop in shown
-        case Confirm() | Doubt() | Relabel() | Remove():
-            return edit.landmark_id in shown
-        case _:
-            return False
+def _said_by(error: BaseException) -> str:
+    try:
+        return str(error)
+    except Exception:  # noqa: BLE001  # its own text may fail, too
+        return ""
+
+
+def _names_only(edit: Edit, shown: set[int]) -> bool:
+    if isinstance(edit, Merge):
+        return edit.keep_id in shown and edit.drop_id in shown
+    return edit.landmark_id in shown
+
+
+def _sound(edit: object) -> Edit | None:
+    """The edit with plain numbers, and texts that any file can hold; None if it is no edit, or something else stands in their place."""
+    try:
+        match edit:
+            case Merge():
+                numbers = ("keep_id", "keep_version", "drop_id", "drop_version")
+                return replace(edit, **{name: _whole(getattr(edit, name)) for name in numbers}, source=_text(edit.source))
+            case Relabel():
+                texts = {name: _text(getattr(edit, name)) for name in ("label", "category", "source")}
+                return replace(edit, landmark_id=_whole(edit.landmark_id), version=_whole(edit.version), **texts)
+            case Confirm() | Doubt() | Remove():
+                return replace(edit, landmark_id=_whole(edit.landmark_id), version=_whole(edit.version), source=_text(edit.source))
+            case _:
+                return None
+    except TypeError:
+        return None
+
+
+def _whole(number: object) -> int:
+    if not isinstance(number, int | np.integer) or isinstance(number, bool):
+        raise TypeError(f"got {type(number).__name__}, wanted a whole number")
+    return int(number)
+
+
+def _text(text: object) -> str:
+    if not isinstance(text, str):
+        raise TypeError(f"got {type(text).__name__}, wanted text")
+    return encodable(str(text))

@@ -6,8 +6,9 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
+from functools import partial
 
-from seo_slam.agents.answers import Answer, ask
+from seo_slam.agents.answers import Answer, ask, failure_of
 from seo_slam.agents.chain import Query
 from seo_slam.agents.runner import Asking
 from seo_slam.config import RunnerSettings
@@ -16,7 +17,7 @@ from seo_slam.interfaces import Agent, AgentView
 logger = logging.getLogger(__name__)
 
 MOST_ANSWERS = 256
-"""Answers kept until they are collected; then the oldest go: a robot that stands still for long asks about the same things again."""
+"""Answers kept until they are collected; then the oldest go, and it is said: a robot that stands still for long asks the same again."""
 
 
 class BackgroundRunner(Asking):
@@ -38,7 +39,9 @@ class BackgroundRunner(Asking):
         self._newest: AgentView | None = None
         self._lock = threading.Lock()
         self._answers: deque[Answer] = deque(maxlen=MOST_ANSWERS)
+        self._lost = 0
         self._tasks: set[asyncio.Task[None]] = set()
+        self._unanswered: dict[int, Query] = {}
         self._closed = False
         self._idle = threading.Event()
         self._idle.set()
@@ -56,9 +59,13 @@ class BackgroundRunner(Asking):
 
     def poll(self, now_s: float) -> list[Answer]:  # noqa: ARG002
         """See ``AgentRunner``."""
-        out = []
-        while self._answers:
-            out.append(self._answers.popleft())
+        with self._lock:
+            out, lost = list(self._answers), self._lost
+            self._answers.clear()
+            self._lost = 0
+        if lost:
+            told = f"agents: {lost} answers are lost, since more than {MOST_ANSWERS} waited to be collected; poll more often"
+            out.insert(0, Answer(out[0].query, problem=told))
         return out
 
     def drain(self, timeout_s: float, stop: threading.Event | None = None) -> list[Answer]:
@@ -70,9 +77,14 @@ class BackgroundRunner(Asking):
         return self.poll(0.0)
 
     def close(self) -> bool:
-        """See ``AgentRunner``."""
+        """See ``AgentRunner``; who keeps the thread is told in a warning."""
         self._closed = True
-        return self.thread.stop(self.settings.shutdown_s)
+        ended = self.thread.stop(self.settings.shutdown_s)
+        self._idle.set()  # nothing more will come
+        if not ended:
+            names = ", ".join(sorted({query.agent.name for query in list(self._unanswered.values())})) or "an agent"
+            logger.warning("the agents' thread has not ended within %g s, still thinking: %s", self.settings.shutdown_s, names)
+        return ended
 
     async def _look(self) -> None:
         with self._lock:
@@ -83,9 +95,10 @@ class BackgroundRunner(Asking):
 
     def _fill(self) -> None:
         while len(self._tasks) < self.settings.in_flight and (query := self.next()) is not None:
+            self._unanswered[query.number] = query
             task = asyncio.ensure_future(self._ask(query))
             self._tasks.add(task)
-            task.add_done_callback(self._ended)
+            task.add_done_callback(partial(self._ended, query))
         with self._lock:
             if not self._tasks and self._newest is None:
                 self._idle.set()
@@ -97,11 +110,23 @@ class BackgroundRunner(Asking):
                 self._think_ahead(answer)
             except Exception as error:  # noqa: BLE001  # whoever judges the answer meets it again, and says so
                 logger.debug("thinking ahead about an answer of %s failed: %s", query.agent.name, error)
-        self.finish(answer)
-        self._answers.append(answer)
+        self._settle(answer)
 
-    def _ended(self, task: "asyncio.Task[None]") -> None:
+    def _settle(self, answer: Answer) -> None:
+        """Let chain and robot know an answer, the first one to each question."""
+        if self._unanswered.pop(answer.query.number, None) is None:
+            return
+        self.finish(answer)
+        with self._lock:
+            self._lost += int(len(self._answers) == MOST_ANSWERS)
+            self._answers.append(answer)
+
+    def _ended(self, query: Query, task: "asyncio.Task[None]") -> None:
         self._tasks.discard(task)
-        if not task.cancelled() and not self._closed:
-            task.exception()  # ``ask`` lets nothing through but cancellation
-            self._fill()
+        error = asyncio.CancelledError("the agent cancelled its question") if task.cancelled() else task.exception()
+        if self._closed:
+            self._unanswered.pop(query.number, None)
+            return
+        if error is not None:
+            self._settle(failure_of(query, error))
+        self._fill()

@@ -1,4 +1,4 @@
-"""Text from outside (replies, error messages), made fit to be shown: short, on one line, no control characters."""
+"""Text from outside (replies, error messages, names), made fit to be shown and kept."""
 
 import unicodedata
 
@@ -10,3 +10,8 @@ def excerpt(text: str, most: int = 200) -> str:
     folded = " ".join(shown.split())
     cut = len(folded) > most or len(text) > len(looked_at)
     return folded[:most] + "…" if cut else folded
+
+
+def encodable(text: str) -> str:
+    """Return a text that any file can hold: half of a surrogate pair, which UTF-8 has no bytes for, becomes its escape."""
+    return text.encode("utf-8", "backslashreplace").decode("utf-8")

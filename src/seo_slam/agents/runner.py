@@ -1,7 +1,9 @@
 """Who asks the agents when: at once, in the background, or in recorded time. One interface, so that the pipeline need not know."""
 
+import logging
+import math
 import threading
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, Protocol
 
 from seo_slam.agents.answers import AgentCounts, Answer, ask_and_wait
@@ -9,6 +11,8 @@ from seo_slam.agents.chain import Chain, Query
 from seo_slam.agents.loop_thread import LoopThread
 from seo_slam.config import RunnerSettings
 from seo_slam.interfaces import Agent, AgentView
+
+logger = logging.getLogger(__name__)
 
 
 class AgentRunner(Protocol):
@@ -182,5 +186,16 @@ class VirtualTimeRunner(Asking):
 
 
 def _usage_of(agent: Agent) -> dict[str, Any]:
-    usage = getattr(agent, "usage", None)
-    return {"usage": usage() if callable(usage) else usage} if usage is not None else {}
+    """What an agent says that it used, as far as run.json can hold it: a result is worth more than what it cost."""
+    try:
+        usage = getattr(agent, "usage", None)
+        told = usage() if callable(usage) else usage
+        known = {str(key): value for key, value in told.items() if _is_plain(value)} if isinstance(told, Mapping) else {}
+    except Exception as error:  # noqa: BLE001  # an agent may raise anything
+        logger.debug("agent %s: what it used is not known: %r", agent.name, error)
+        return {}
+    return {"usage": known} if known else {}
+
+
+def _is_plain(value: object) -> bool:
+    return isinstance(value, str | int) or (isinstance(value, float) and math.isfinite(value))
