@@ -124,7 +124,7 @@ class EditSettings(Settings):
 LOCAL_AGENTS = tuple(Component(name=name) for name in ("local_verification", "local_description", "local_merging"))
 """The agents of the default: they need no key and no network."""
 
-WITNESS = {"name": "local_verification", "options": {"only_denies": True}}
+WITNESS = {"name": "local_verification", "options": {"confirms": False}}
 """What stands beside chat models: it sees in depth and colour where nothing is, and asks nobody."""
 
 

@@ -327,12 +327,12 @@ class Agent(ABC):
             ``Remove``. "description": of new landmarks and doubted ones; ``Relabel``, ``Confirm`` or ``Remove``. "merging": of those
             confirmed or relabelled; ``Merge``. "any": of every view, once, and may answer with anything.
         most_landmarks: how many it is asked of at once.
-        only_denies: a verification agent that neither confirms nor doubts; description waits for another one, if there is one.
+        confirms: False for a verification agent that only objects; description waits for one that confirms, if there is one.
     """
 
     role: AgentRole = "any"
     most_landmarks: int = 1000
-    only_denies: bool = False
+    confirms: bool = True
 
     @property
     def name(self) -> str:

@@ -189,10 +189,10 @@ def test_who_has_no_answer_does_not_keep_new_ones_waiting():
     assert [(role, ids) for role, _, ids in work(chain)][:2] == [("verification", (1, 0)), ("description", (1,))]
 
 
-def test_a_witness_that_only_denies_does_not_stand_for_a_judge_that_stopped():
+def test_a_witness_that_confirms_nothing_does_not_stand_for_a_judge_that_stopped():
     judge, describe, _ = trio()
     witness = Scripted("verification", 4, ABSTAIN)
-    witness.only_denies = True
+    witness.confirms = False
     chain = Chain([judge, describe, witness])
     chain.stop_asking(judge)
     chain.show(view([landmark(0)], 0))

@@ -31,9 +31,9 @@ def test_what_once_stood_out_is_never_removed():
     assert not [edit for edit in seen(agent, wall, 20) if isinstance(edit, Remove)]
 
 
-def test_a_witness_only_denies():
-    assert seen(LocalVerification(only_denies=True), lambda k: put(*wall(k), nearer_m=0.1), 8) == []
-    assert {type(edit) for edit in seen(LocalVerification(only_denies=True), wall, 8)} == {Remove}
+def test_a_witness_denies_and_confirms_nothing():
+    assert seen(LocalVerification(confirms=False), lambda k: put(*wall(k), nearer_m=0.1), 8) == []
+    assert {type(edit) for edit in seen(LocalVerification(confirms=False), wall, 8)} == {Remove}
 
 
 def test_looks_are_bounded_in_a_view_and_from_a_side():

@@ -247,8 +247,8 @@ class Chain:
         return self._newest if self._newest is not None and landmark_id in self._newest.boxes_px else view
 
     def _has_judge(self) -> bool:
-        """Whether somebody is there who confirms and doubts."""
-        return any(a.role == "verification" and not a.only_denies and k not in self._stopped for k, a in enumerate(self._agents))
+        """Whether somebody is there who confirms."""
+        return any(a.role == "verification" and a.confirms and k not in self._stopped for k, a in enumerate(self._agents))
 
     def _forget_gone(self, view: AgentView) -> None:
         """Drop what is known of landmarks that are not in the map any more, now and then."""

@@ -57,7 +57,7 @@ class LocalVerification(Agent):
         looks_a_view: int = 3,
         most_remembered: int = 5000,
         likelihood: LabelLikelihood | None = None,
-        only_denies: bool = False,
+        confirms: bool = True,
     ) -> None:
         """Take how noisy depth is.
 
@@ -66,7 +66,7 @@ class LocalVerification(Agent):
             looks_a_view: landmarks looked at in a view, those seen least from its side first: what bounds its time.
             most_remembered: landmarks whose looks are kept; beyond them the oldest are forgotten.
             likelihood: compares words; a pipeline gives its own. None: different words mean different things.
-            only_denies: it neither confirms nor doubts, which others do: a witness beside chat models.
+            confirms: False for a witness beside chat models: it denies and doubts, and leaves it to them to confirm.
 
         Raises:
             ConfigError: one of them is not above 0.
@@ -75,7 +75,7 @@ class LocalVerification(Agent):
             got = f"{depth_noise_at_1m_m}, {looks_a_view}, {most_remembered}"
             raise ConfigError(f"local_verification: depth_noise_at_1m_m, looks_a_view and most_remembered must be above 0, got {got}")
         self._likelihood = likelihood
-        self.only_denies = only_denies
+        self.confirms = confirms
         self._noise = depth_noise_at_1m_m
         self._looks_a_view = looks_a_view
         self._most_remembered = most_remembered
@@ -98,10 +98,8 @@ class LocalVerification(Agent):
             if not looks.was_there and looks.tried.get(side, 0) < LOOKS_A_SIDE:
                 due.append((looks.tried.get(side, 0), sum(looks.tried.values()), landmark_id, side))
         denied = [i for _, _, i, side in sorted(due)[: self._looks_a_view] if self._denies(i, side, view)]
-        edits: list[Edit | None] = [self._denied(i, view) for i in denied]
-        if not self.only_denies:
-            leading = leading_words(view.landmarks)
-            edits += [self._confirmed_or_doubted(i, view, leading) for i in asked if i not in denied]
+        leading = leading_words(view.landmarks)
+        edits = [self._denied(i, view) if i in denied else self._confirmed_or_doubted(i, view, leading) for i in asked]
         self._forget_oldest()
         return [edit for edit in edits if edit is not None]
 
@@ -131,7 +129,7 @@ class LocalVerification(Agent):
             looks.doubts[doubt] = looks.doubts.get(doubt, 0) + 1
             looks.confirmed = True
             return Doubt(landmark_id, version, self.name)
-        if looks.confirmed:
+        if looks.confirmed or not self.confirms:
             return None
         looks.confirmed = True
         return Confirm(landmark_id, version, self.name)
