@@ -2,12 +2,14 @@
 
 import re
 import tomllib
+from dataclasses import fields
 from importlib import import_module
 from pathlib import Path
 from typing import get_args
 
 from seo_slam import registry
 from seo_slam.agents.answers import AgentCounts
+from seo_slam.backends.chat_budget import ChatUsage
 from seo_slam.config import Config, RunnerSettings, describe_settings
 from seo_slam.mapping import edit_desk, verdicts
 from seo_slam.records import AgentRole, Edit, EditOutcome
@@ -60,7 +62,8 @@ def test_every_setting_exists():
 def test_what_the_result_counts_is_told():
     told = section("What goes wrong")
     assert [field for field in AgentCounts().as_dict() if f"`{field}`" not in told] == []
-    for key in ("mode", "agents", "landmarks_done", "dropped", "superseded", "edits", "age_s"):
+    assert [field.name for field in fields(ChatUsage) if f"`{field.name}`" not in told] == []
+    for key in ("mode", "agents", "usage", "landmarks_done", "dropped", "superseded", "edits", "age_s"):
         assert f"| `{key}`" in told or f"`{key}`" in told
 
 

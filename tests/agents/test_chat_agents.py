@@ -2,7 +2,7 @@
 
 import asyncio
 import json
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -13,12 +13,16 @@ from seo_slam import registry
 from seo_slam.agents.description import DescriptionAgent
 from seo_slam.agents.merging import MergingAgent
 from seo_slam.agents.provenance import provenance_of
+from seo_slam.agents.runner import InlineRunner
 from seo_slam.agents.verification import VerificationAgent
-from seo_slam.config import Component
+from seo_slam.backends.chat_budget import ChatUsage
+from seo_slam.backends.openai_chat import OpenAIChat
+from seo_slam.config import Component, RunnerSettings
 from seo_slam.errors import BudgetExceeded, ChatReplyError, ChatRequestError, ConfigError, UnknownBackendError
 from seo_slam.interfaces import AgentView, ChatReply
 from seo_slam.records import Confirm, Doubt, Merge, Relabel, Remove
 from seo_slam.simulation.chat_question import question_of
+from seo_slam.testing import ChatServer
 from seo_slam.testing.worlds import T_WORLD_FIRST, tiny_boxes, tiny_frames, tiny_landmarks
 
 CUP, KEYBOARD, BOOK, OTHER_BOOK = 3, 5, 8, 9
@@ -390,6 +394,30 @@ class Talker:
 def test_wrong_options_are_said_at_once(name, options, match):
     with pytest.raises(ConfigError, match=match):
         AGENTS[name](**options)
+
+
+@pytest.mark.parametrize("name", AGENTS)
+def test_what_the_model_has_used_is_told_as_plain_numbers(name):
+    with ChatServer(lambda request: "{}") as server:
+        agent = AGENTS[name](OpenAIChat("m", server.base_url, reply_format="json_schema", price_per_million=(1.0, 2.0)))
+        assert set(agent.usage().values()) == {0}
+        asyncio.run(agent.chat.complete(agent.request("who?", {}, ())))
+        used = agent.usage()
+    assert set(used) == {field.name for field in fields(ChatUsage)}
+    assert used["requests"] == 1
+    assert used["prompt_tokens"] > 0
+    assert used["cost"] == pytest.approx((used["prompt_tokens"] + 2.0 * used["completion_tokens"]) / 1e6)
+    assert json.loads(json.dumps(used)) == used
+    runner = InlineRunner([agent], RunnerSettings())
+    assert runner.counts()["agents"][0]["usage"] == used
+    assert runner.close()
+
+
+def test_a_model_that_does_not_count_has_used_nothing_that_is_known():
+    agent = VerificationAgent(Chat("{}"))
+    assert agent.usage() == {}
+    agent.chat.usage = {"requests": 2}
+    assert agent.usage() == {"requests": 2}
 
 
 def test_an_unknown_chat_model_is_said_at_once():

@@ -3,6 +3,7 @@
 import json
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict, is_dataclass
 from typing import Any, ClassVar
 
 from pydantic import ValidationError
@@ -65,6 +66,17 @@ class ChatAgent(Agent):
     def prompt_hash(self) -> str:
         """Which prompt it asks with."""
         return self.prompt.hash
+
+    def usage(self) -> dict[str, Any]:
+        """What its chat model has used so far, as ``ChatUsage`` names it; empty if the model does not say.
+
+        Agents that share one model object all tell what was used together.
+        """
+        said = getattr(self._chat, "usage", None)
+        used = said() if callable(said) else said
+        if is_dataclass(used) and not isinstance(used, type):
+            return asdict(used)
+        return dict(used) if isinstance(used, Mapping) else {}
 
     def request(self, question: str, facts: Mapping[str, Any], images: tuple[bytes, ...]) -> ChatRequest:
         """Return a question that ends in one line of JSON: what detectors or models said stands only there."""
