@@ -4,13 +4,16 @@ import json
 import os
 import signal
 import threading
+import time
 
 import pytest
 
 from seo_slam.backends.sqlite_store import SqliteStore
 from seo_slam.datasets.trajectory_files import read_trajectory
 from seo_slam.errors import ConfigError, DatasetError
+from seo_slam.interfaces import Agent
 from seo_slam.map import Map
+from seo_slam.records import Confirm
 from seo_slam.run_files import RESULT_FILES, prepare_folder
 from seo_slam.run_recording import run_recording
 from tiny_run import frames, pipeline
@@ -109,6 +112,42 @@ def test_ctrl_c_waits_for_the_frame_in_work(tmp_path, part):
     with SqliteStore(out / "map.db", read_only=True) as store:
         assert store.keyframe_ids().tolist() == [0, 1, 2]
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+class AnswersWhenAsked(Agent):
+    """Confirms everything, once it may."""
+
+    def __init__(self):
+        self.asked, self.may = threading.Event(), threading.Event()
+
+    def propose(self, view):
+        if len(view.landmarks):
+            self.asked.set()
+            self.may.wait(60.0)
+        return [Confirm(int(i), int(version)) for i, version in zip(view.landmarks.ids, view.landmarks.versions, strict=True)]
+
+
+def test_answers_in_hand_are_judged_and_written_after_ctrl_c(tmp_path):
+    agent = AnswersWhenAsked()
+    out = prepare_folder(tmp_path / "out", overwrite=False)
+    made = pipeline(16, {"runner": {"mode": "background", "view_period_s": 0.0}}, agents=[agent], store=SqliteStore(out / "map.db"))
+
+    def press(step):
+        if agent.asked.is_set():
+            agent.may.set()
+            deadline = time.monotonic() + 60.0
+            while not made.result().agents["agents"][0]["proposed"] and time.monotonic() < deadline:
+                time.sleep(0.005)
+            time.sleep(0.05)  # counted, and then handed over
+            os.kill(os.getpid(), signal.SIGINT)
+
+    finished = run_recording(frames(16), made, out, dataset="tiny", on_step=press)
+    assert not finished.complete
+    with SqliteStore(out / "map.db", read_only=True) as store:
+        assert {edit.kind for edit in store.edits()} == {"confirm"}
+    assert "confirm" in (out / "report.html").read_text()
+    made.close()
+    assert made.poll() == made.drain(600.0) == ()  # a closed pipeline waits for nothing, and asks nothing of its store
 
 
 def test_a_handler_of_the_program_is_left_alone(tmp_path):

@@ -125,6 +125,7 @@ class Pipeline:
         self._keyframe_stamp_s = 0.0
         self._last_stamp_s = -np.inf
         self._keyframes = 0
+        self._closed = False
         kept = self.parts.store.keyframe_ids()
         self._first_keyframe_id = int(kept[-1]) + 1 if len(kept) else 0
         self._path: list[tuple[float, int, FloatArray]] = []  # stamp, keyframe, T_keyframe_frame
@@ -148,12 +149,15 @@ class Pipeline:
 
     def close(self) -> None:
         """Cancel questions that are still out, end the agents' thread, and release the store. The result can still be asked for."""
-        self._agents.close()
-        self.parts.store.close()
+        self._closed = True
+        try:
+            self._agents.close()
+        finally:
+            self.parts.store.close()
 
     def poll(self) -> tuple[EditRecord, ...]:
-        """Apply what agents have answered since the last frame, when no frame comes; waits for nothing."""
-        return self._amend(self._agents.poll(self._keyframe_id, self._last_stamp_s)) if self._path else ()
+        """Apply what agents have answered since the last frame, when no frame comes; waits for nothing. Nothing comes once it is closed."""
+        return self._amend(self._agents.poll(self._keyframe_id, self._last_stamp_s)) if self._is_open else ()
 
     def drain(self, timeout_s: float | None = None, stop: threading.Event | None = None) -> tuple[EditRecord, ...]:
         """Wait for the agents' last answers and apply them; to be called at the end of a recording, before ``result``.
@@ -163,7 +167,12 @@ class Pipeline:
             stop: ends the waiting when it is set, from another thread or a signal handler.
         """
         longest_s = self.config.runner.drain_s if timeout_s is None else timeout_s
-        return self._amend(self._agents.drain(longest_s, self._keyframe_id, self._last_stamp_s, stop)) if self._path else ()
+        return self._amend(self._agents.drain(longest_s, self._keyframe_id, self._last_stamp_s, stop)) if self._is_open else ()
+
+    @property
+    def _is_open(self) -> bool:
+        """Whether there is a keyframe, and a store, that an agent's edit could go to."""
+        return bool(self._path) and not self._closed
 
     def _amend(self, judged: Judged) -> tuple[EditRecord, ...]:
         """Keep what agents changed between keyframes."""

@@ -87,9 +87,8 @@ def run_recording(
         finally:
             if detections is not None:
                 detections.close()
-        if complete:
-            with pipeline.clock.stage("drain"):
-                seen.observe_edits(pipeline.drain(stop=interrupted))  # every frame is mapped: the run is complete all the same
+        with pipeline.clock.stage("drain"):  # every frame is mapped: the run is complete even if the waiting is interrupted
+            seen.observe_edits(pipeline.drain(stop=interrupted) if complete else pipeline.poll())
         result = pipeline.result()
         settings = pipeline.config.model_dump(mode="json") if config is None else config
         run = describe_run(result, dataset=dataset, config=settings, complete=complete)
