@@ -78,7 +78,7 @@ def _summary(result: "RunResult", score: "LandmarksResult", truth: dict[str, Any
         "",
         f"look at     {folder / 'report.html'}, and truth and map side by side: {folder / 'evaluation.html'}",
         f'find        seo-slam query {folder} "something to drink from"',
-        f'ask         seo-slam ask {folder} "I am thirsty, what is there?"',
+        f'ask         seo-slam ask {folder} "I am thirsty, where is a cup?"',
         f"score       seo-slam eval landmarks {folder} {folder / 'truth.json'}",
         f"            seo-slam eval trajectory {folder / 'trajectory.txt'} {folder / 'groundtruth.txt'}",
         "your data   seo-slam check PATH, then seo-slam run auto PATH --out DIR",
