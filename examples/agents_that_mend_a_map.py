@@ -31,7 +31,7 @@ import cv2
 import matplotlib.pyplot as plt
 import numpy as np
 
-from seo_slam import Agent, Config, Confirm, Doubt, Map, Pipeline, RecordedOdometry, Remove, SimulatedRoom
+from seo_slam import Agent, Config, Confirm, Doubt, Map, Pipeline, RecordedOdometry, Remove, SimulatedRoom, read_edits, undo_edit
 from seo_slam.config import chat_agents
 from seo_slam.evaluation.landmarks import evaluate_landmarks
 from seo_slam.evaluation.truth import truth_from
@@ -40,7 +40,6 @@ from seo_slam.run_recording import run_recording
 from seo_slam.simulation.chat_answers import ACCURACY, SimulatedChat
 from seo_slam.simulation.chat_question import role_of
 from seo_slam.testing import ChatServer, check_agent
-from seo_slam.undo import read_edits, undo_edit
 
 folder = Path(tempfile.mkdtemp())
 
