@@ -82,7 +82,8 @@ def test_a_key_is_in_no_file_and_no_log(fault, recording, detections_file, tmp_p
     content = json.loads((tmp_path / "out" / "run.json").read_text())
     agents = content["agents"]["agents"]
     assert sum(agent["asked"] for agent in agents) > 0
-    assert (sum(agent["answered"] for agent in agents) > 0) == (fault == ())
+    answered = sum(agent["answered"] for agent in agents if agent["model"])  # the local witness needs no server
+    assert (answered > 0) == (fault == ())
     for secret in (KEY, KEY[8:], KEY[:-4]):
         assert secret.encode() not in written
         assert secret not in ran.output + caplog.text
