@@ -270,6 +270,13 @@ def test_the_same_name_again_changes_nothing():
     assert room.version() == version
 
 
+@pytest.mark.parametrize("rails", [True, False])
+def test_nothing_is_merged_with_itself(rails):
+    room = JudgedMap(rails=rails)
+    assert room.outcome(room.merge(0, 0)) == "refused"
+    assert 0 in room.objects
+
+
 def test_a_refused_name_binds_nobody():
     room = JudgedMap()
     assert room.outcome(room.relabel(" "), role="any") == "refused"

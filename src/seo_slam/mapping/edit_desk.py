@@ -167,6 +167,8 @@ class EditDesk:
         edit = proposal.edit
         if not ids_of(edit):
             raise EditRefused(f"got {edit!r:.80}, wanted Confirm, Doubt, Relabel, Remove or Merge")
+        if isinstance(edit, Merge) and edit.keep_id == edit.drop_id:
+            raise EditRefused(f"landmark {edit.keep_id} cannot be merged with itself")
         self._require_current(edit)
         if not self._settings.rails:
             return self._as_proposed(proposal)
@@ -185,14 +187,14 @@ class EditDesk:
             return None, "noted", f"{self._objects[edit.landmark_id].label!r} is doubted"
         if isinstance(edit, Relabel) and self._has_name(edit):
             return None, "noted", f"it is called {edit.label!r} already"
-        before = None if isinstance(edit, Merge) else self._objects[edit.landmark_id]
-        word_before = _plain_word(before) if before is not None else ""
         if isinstance(edit, Merge):
             event = merge_landmarks(edit.keep_id, edit.drop_id, self._objects, self._smoother, edit.source)
-        else:
-            event = apply_edit(edit, self._objects, self._smoother, self._embedder)
+            return event, "applied", event.detail
+        thing = self._objects[edit.landmark_id]
+        version, word = thing.version, _plain_word(thing)
+        event = apply_edit(edit, self._objects, self._smoother, self._embedder)
         if isinstance(edit, Relabel):
-            self._told[edit.landmark_id].before[self._objects[edit.landmark_id].version] = (edit.version, word_before)
+            self._told[thing.id].before[thing.version] = (version, word)
         return event, "applied", event.detail
 
     def _for_now(self, edit: Edit) -> Edit:
@@ -270,8 +272,6 @@ class EditDesk:
 
     def _weigh_merge(self, edit: Merge, proposal: Proposal) -> tuple[MapEvent | None, EditOutcome, str]:
         """Merge what lies within reach and was not seen apart, at once if the extents overlap, else at the second vote."""
-        if edit.keep_id == edit.drop_id:
-            raise EditRefused(f"landmark {edit.keep_id} cannot be merged with itself")
         apart = self._objects.times_apart(edit.keep_id, edit.drop_id)
         if apart >= self._objects.settings.separate_frames:
             raise EditRefused(f"landmarks {edit.keep_id} and {edit.drop_id} were seen apart in {apart} keyframes: they are two")
