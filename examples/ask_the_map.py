@@ -88,7 +88,7 @@ class Scripted:
 
 
 question, everything = "I am going hiking, anything good?", len(house)
-bag, shoe = (next(row for row in house.landmarks if row.label == label) for label in ("bag", "shoe"))
+bag, shoe = (next(row for row in house.landmarks if (row.category or row.label) == label) for label in ("bag", "shoe"))
 good = {
     "answer": f"Yes! Take the bag ({bag.id}) for food and water, and the shoes ({shoe.id}) if the path is easy.",
     "landmarks": [{"id": bag.id, "why": "carries what you need"}, {"id": shoe.id, "why": "better than bare feet"}],
