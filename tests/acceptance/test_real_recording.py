@@ -81,7 +81,7 @@ def require_the_five(landmarks, shared):
         # A thing as large as a keyboard could have a double farther than the radius from its centre, but not outside its box.
         low, high = np.array(item["aabb_min"]) - 0.05, np.array(item["aabb_max"]) + 0.05
         inside = [row for row in landmarks if row.state == "stable" and (row.position_m >= low).all() and (row.position_m <= high).all()]
-        alike = [row for row in inside if SYNONYMS.agree([row.label], [item["label"]])]
+        alike = [row for row in inside if SYNONYMS.agree([row.label, row.category], [item["label"]])]
         assert len(alike) == 1, (item["id"], [(row.id, row.label) for row in alike])
 
 
