@@ -40,7 +40,7 @@ def run(present, preset="seo_slam", mistakes=None, **parts):
     stamps_s = 0.5 * np.arange(len(present))
     odometry = RecordedOdometry(Trajectory(stamps_s, np.array([pose()] * len(present))))
     detector = Finder(present, mistakes)
-    with Pipeline(Config.preset(preset), detector=detector, odometry=odometry, embedder=HashedEmbedder(), **parts) as pipeline:
+    with Pipeline(Config.preset(preset), detector=detector, odometry=odometry, embedder=HashedEmbedder(), agents=(), **parts) as pipeline:
         for index, blocks in enumerate(present):
             pipeline.step(frame(index, blocks))
         return pipeline.result()
@@ -124,7 +124,7 @@ def test_views_that_err_together_make_a_landmark_less_sure_and_not_elsewhere():
     def thing(views):
         config = Config.preset("seo_slam").updated({"graph": {"views_that_err_together": views}}, "test")
         odometry = RecordedOdometry(Trajectory(0.5 * np.arange(8), np.array([pose()] * 8)))
-        with Pipeline(config, detector=Finder(PRESENT), odometry=odometry, embedder=HashedEmbedder()) as pipeline:
+        with Pipeline(config, detector=Finder(PRESENT), odometry=odometry, embedder=HashedEmbedder(), agents=()) as pipeline:
             for index in range(8):
                 pipeline.step(frame(index, PRESENT[index]))
             return pipeline.result().map.landmarks[0]
@@ -150,7 +150,7 @@ def test_a_camera_that_lost_its_way_takes_nothing_off_the_map():
     present = [[CUP, *REST]] * 12 + [[]] * 8  # it looks elsewhere from then on, and thinks that it still stands there
     results = {}
     for first in (12, 99):
-        with Pipeline(detector=Finder(present), odometry=LostFrom(first, len(present)), embedder=HashedEmbedder()) as pipeline:
+        with Pipeline(detector=Finder(present), odometry=LostFrom(first, len(present)), embedder=HashedEmbedder(), agents=()) as pipeline:
             for index, blocks in enumerate(present):
                 pipeline.step(frame(index, blocks))
             results[first] = pipeline.result()
