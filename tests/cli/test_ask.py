@@ -2,33 +2,17 @@
 
 import json
 import socket
-import sys
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from seo_slam.cli import app as application
 from seo_slam.map import Map
 from seo_slam.testing import ChatServer
 from seo_slam.testing.store import make_landmark
 
 HIKING = "I am going hiking, anything good?"
 REPLY = {"answer": "Take the brown hiking boot (1).", "landmarks": [{"id": 1, "why": "the best grip"}]}
-
-
-@pytest.fixture
-def run(monkeypatch, capsys):
-    """Run the command line in this process; return its exit status, output and errors."""
-
-    def call(*words):
-        monkeypatch.setattr(sys, "argv", ["seo-slam", *map(str, words)])
-        with pytest.raises(SystemExit) as ended:
-            application.main()
-        out, err = capsys.readouterr()
-        return ended.value.code or 0, out, err
-
-    return call
 
 
 @pytest.fixture

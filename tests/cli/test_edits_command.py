@@ -1,29 +1,13 @@
 """``seo-slam edits``."""
 
 import json
-import sys
 from dataclasses import replace
 
 import pytest
 
 from seo_slam.backends.sqlite_store import SqliteStore
-from seo_slam.cli import app as application
 from seo_slam.map import Map
 from seo_slam.testing.store import make_edit, make_landmark, make_record
-
-
-@pytest.fixture
-def run(monkeypatch, capsys):
-    """Run the command line in this process; return its exit status, output and errors."""
-
-    def call(*words):
-        monkeypatch.setattr(sys, "argv", ["seo-slam", *map(str, words)])
-        with pytest.raises(SystemExit) as ended:
-            application.main()
-        out, err = capsys.readouterr()
-        return ended.value.code or 0, out, err
-
-    return call
 
 
 @pytest.fixture

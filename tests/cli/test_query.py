@@ -1,28 +1,12 @@
 """``seo-slam query``."""
 
 import json
-import sys
 from dataclasses import replace
 
 import pytest
 
-from seo_slam.cli import app as application
 from seo_slam.map import Map
 from seo_slam.testing.store import make_landmark
-
-
-@pytest.fixture
-def run(monkeypatch, capsys):
-    """Run the command line in this process; return its exit status, output and errors."""
-
-    def call(*words):
-        monkeypatch.setattr(sys, "argv", ["seo-slam", *map(str, words)])
-        with pytest.raises(SystemExit) as ended:
-            application.main()
-        out, err = capsys.readouterr()
-        return ended.value.code or 0, out, err
-
-    return call
 
 
 @pytest.fixture
