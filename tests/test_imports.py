@@ -19,11 +19,14 @@ ORDER = (
     "types",
     "records",
     "interfaces",
+    "settings",
     "config",
     "registry",  # it names everything else as strings only, so that a part can make its default part by name
     "perception",
     "association",
     "mapping",
+    "abstraction",
+    "navigation",
     "agents",
     "evaluation",
     "datasets",
@@ -44,6 +47,7 @@ ORDER = (
     "backends",
     "report",
     "run_recording",
+    "driving",
     "testing",
     "cli",
 )
@@ -51,7 +55,9 @@ ORDER = (
 # Packages from outside, and the units that may use them. Backends may use any.
 EVERYWHERE = {"numpy", "pydantic", "pydantic_core"}
 ALLOWED = {
-    "scipy": {"perception", "association", "mapping", "evaluation", "simulation"},
+    "scipy": {"perception", "association", "mapping", "abstraction", "navigation", "evaluation", "simulation"},
+    "networkx": {"navigation", "abstraction"},
+    "skimage": {"navigation", "abstraction"},
     "trimesh": {"simulation"},
     "embreex": {"simulation"},
     "cv2": {"perception", "agents", "datasets", "simulation", "report"},
@@ -60,7 +66,21 @@ ALLOWED = {
     "click": {"cli"},
     "rich": {"cli"},
 }
-HEAVY = ("scipy", "gtsam", "cv2", "httpx", "torch", "sentence_transformers", "onnxruntime", "trimesh", "embreex", "typer", "rich")
+HEAVY = (
+    "scipy",
+    "networkx",
+    "skimage",
+    "gtsam",
+    "cv2",
+    "httpx",
+    "torch",
+    "sentence_transformers",
+    "onnxruntime",
+    "trimesh",
+    "embreex",
+    "typer",
+    "rich",
+)
 
 
 def unit_of(path):

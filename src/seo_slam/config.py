@@ -11,15 +11,12 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, Field, ValidationError
 
 from seo_slam.errors import ConfigError
-
-
-class Settings(BaseModel):
-    """Base of all settings: unknown keys, NaN and infinity are refused, values are fixed once read."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+from seo_slam.settings.base import Settings
+from seo_slam.settings.concrete import OverlapSettings, StatusSettings
+from seo_slam.settings.observing import CloudSettings, FeatureSettings
 
 
 class Component(Settings):
@@ -140,10 +137,14 @@ class Config(Settings):
     agents: tuple[Component, ...] = Field(LOCAL_AGENTS, description="look at the map and propose edits; [] for none")
     keyframes: KeyframeSettings = KeyframeSettings()
     lifting: LiftingSettings = LiftingSettings()
+    features: FeatureSettings = FeatureSettings()
+    clouds: CloudSettings = CloudSettings()
     association: AssociationSettings = AssociationSettings()
+    overlap: OverlapSettings = OverlapSettings()
     graph: SmootherSettings = SmootherSettings()
     map: MapSettings = MapSettings()
     life: LifeSettings = LifeSettings()
+    status: StatusSettings = StatusSettings()
     runner: RunnerSettings = RunnerSettings()
     edits: EditSettings = EditSettings()
     seed: int = Field(0, ge=0, description="of every part that draws random numbers")

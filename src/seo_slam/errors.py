@@ -6,6 +6,7 @@
       DatasetError                     a recording cannot be read; names file and line
       EvaluationError                  an estimate cannot be scored against this truth
       OptimizationError                the factor graph has no solution
+      NoPathError                      no way leads there over the free floor that is known
       BackendError                     a plug-in cannot be used
         UnknownBackendError(LookupError)
         MissingBackendError(ImportError)   names the extra to install
@@ -45,6 +46,10 @@ class EvaluationError(SeoSlamError):
 
 class OptimizationError(SeoSlamError):
     """The factor graph could not be solved."""
+
+
+class NoPathError(SeoSlamError):
+    """A planner found no collision-free way; a navigator takes it as an answer, not as its end."""
 
 
 class BackendError(SeoSlamError):

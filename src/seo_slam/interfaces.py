@@ -9,6 +9,9 @@ from collections.abc import Awaitable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol, runtime_checkable
 
+import numpy as np
+from numpy.typing import NDArray
+
 from seo_slam.geometry import FloatArray
 from seo_slam.records import AgentRole, Amendment, Edit, EditRecord, KeyframeRecord
 from seo_slam.types import (
@@ -73,6 +76,24 @@ class Embedder(Protocol):
 
     def embed_text(self, texts: Sequence[str]) -> FloatArray:
         """Return (N, D) float64 unit rows. Agents in the background ask from their thread; what was asked before should cost nothing."""
+        ...
+
+
+@runtime_checkable
+class ImageEmbedder(Embedder, Protocol):
+    """Turns words and pictures into vectors of one space, such as CLIP."""
+
+    def embed_image(self, images: Sequence[NDArray[np.uint8]]) -> FloatArray:
+        """Return (N, D) float64 unit rows of pictures (H, W, 3)."""
+        ...
+
+
+@runtime_checkable
+class CropEmbedder(Protocol):
+    """An image encoder that wants the whole frame, not crops: one with dense features, or a simulated one."""
+
+    def embed_crops(self, frame: Frame, boxes_px: FloatArray) -> FloatArray:
+        """Return (N, D) float64 unit rows of what is in boxes (N, 4) of a frame, in the space of the words."""
         ...
 
 
@@ -170,6 +191,19 @@ class Smoother(Protocol):
 
     def merge(self, keep_id: int, drop_id: int) -> None:
         """Give all measurements of ``drop_id`` to ``keep_id``."""
+        ...
+
+    def split(self, landmark_id: int, new_id: int, measurements: IntArray) -> None:
+        """Give some measurements of a landmark to a new one.
+
+        Args:
+            landmark_id: keeps the others, of which there must be one.
+            new_id: one that the graph does not hold.
+            measurements: (M,) which of its measurements, counted from 0 in the order in which they came.
+
+        Raises:
+            UnknownLandmarkError: there is no ``landmark_id``, ``new_id`` exists, or no such measurement, or none would be left.
+        """
         ...
 
     def rename(self, old_id: int, new_id: int) -> None:

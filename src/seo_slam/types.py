@@ -6,8 +6,8 @@ is z up where gravity is known.
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields, replace
-from typing import Any, Literal, Self
+from dataclasses import dataclass, field, fields, replace
+from typing import TYPE_CHECKING, Any, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,9 @@ from numpy.typing import NDArray
 from seo_slam.camera import Camera
 from seo_slam.errors import FrameError
 from seo_slam.geometry import AnyArray, FloatArray, require_transform
+
+if TYPE_CHECKING:
+    from seo_slam.perception.cloud import Cloud
 
 NEW = -1
 """In ``Association.landmark_ids``: no landmark fits, make a new one."""
@@ -226,6 +229,7 @@ class Landmark:
         version: rises when label, state, merge or split change, not with every observation.
         existence: probability that it is there; 1 where that is not estimated.
         category: the plain word for it that an agent gave beside a descriptive label: "shoe" of a "green hiking boot"; else "".
+        cloud_world: (M, 3) points of its surface, world frame, metres; none where no clouds are kept.
     """
 
     id: int
@@ -242,6 +246,7 @@ class Landmark:
     version: int = 0
     existence: float = 1.0
     category: str = ""
+    cloud_world: FloatArray = field(default_factory=lambda: np.zeros((0, 3)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -250,7 +255,8 @@ class Landmarks(_Rows):
 
     Positions and covariances are in the world frame, metres. ``across_m`` (N, 2) is the usual width and height across the line of
     sight of views that show the thing whole, 0 where there was none. ``names`` and ``categories`` are ``Landmark``'s ``label`` and
-    ``category``; empty where no agent gave any, see ``name_of``.
+    ``category``; empty where no agent gave any, see ``name_of``. ``clouds`` are what is known of their surfaces; empty where no clouds are
+    kept.
     """
 
     ids: IntArray
@@ -267,6 +273,7 @@ class Landmarks(_Rows):
     across_m: FloatArray
     names: tuple[str, ...] = ()
     categories: tuple[str, ...] = ()
+    clouds: "tuple[Cloud, ...]" = ()
 
     def __len__(self) -> int:
         return len(self.labels)
@@ -363,14 +370,16 @@ class Association:
     Attributes:
         landmark_ids: (K,) int64: an id, ``NEW`` or ``REJECTED``.
         costs: (K,) float64: cost of the chosen pair, squared Mahalanobis distance first; NaN for NEW and REJECTED.
+        shared: several observations may be of one landmark (DualMap's greedy matching); else that is refused.
     """
 
     landmark_ids: IntArray
     costs: FloatArray
+    shared: bool = False
 
     def __post_init__(self) -> None:
         if self.landmark_ids.shape != self.costs.shape or self.landmark_ids.ndim != 1:
             raise FrameError(f"association: got {self.landmark_ids.shape} ids and {self.costs.shape} costs, wanted (K,) of each")
         matched = self.landmark_ids[self.landmark_ids >= 0]
-        if len(np.unique(matched)) != len(matched):
+        if not self.shared and len(np.unique(matched)) != len(matched):
             raise FrameError(f"association: a landmark is given to two observations: {self.landmark_ids.tolist()}")

@@ -7,8 +7,8 @@ from pathlib import Path
 from pydantic import Field, ValidationError, field_validator
 
 from seo_slam.camera import Camera
-from seo_slam.config import Settings
 from seo_slam.errors import DatasetError, FrameError
+from seo_slam.settings.base import Settings
 
 CAMERA_FILE = "camera.json"
 TUM_DEPTH_SCALE = 5000.0

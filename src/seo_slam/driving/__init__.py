@@ -1,0 +1,1 @@
+"""A simulated robot that a navigator drives through a simulated home, and trials of it."""

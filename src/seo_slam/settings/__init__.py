@@ -1,0 +1,1 @@
+"""Settings that are too many for config.py, one file a concern."""

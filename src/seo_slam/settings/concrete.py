@@ -1,0 +1,33 @@
+"""Settings of the concrete map: matching and status checks (DualMap III-B)."""
+
+from typing import Literal
+
+from pydantic import Field
+
+from seo_slam.settings.base import Settings
+
+
+class OverlapSettings(Settings):
+    """Matching by looks and overlap (DualMap Eq 3, 4)."""
+
+    threshold: float = Field(1.2, ge=-1, le=2, description="cosine plus overlap share above which an observation is of a landmark")
+    distance_m: float = Field(0.02, gt=0, description="a point this near to a point of the landmark overlaps it")
+    assignment: Literal["greedy", "one_to_one"] = Field(
+        "greedy", description="greedy: each observation takes its best landmark (the paper); one_to_one: by assignment, none twice"
+    )
+
+
+class StatusSettings(Settings):
+    """Checks of each landmark by itself instead of merging in 3D (DualMap III-B3)."""
+
+    enabled: bool = Field(False, description="DualMap's checks decide about a landmark's life, not existence")
+    observations: int = Field(8, ge=1, description="observations that a stable landmark needs")
+    majority: float = Field(2 / 3, ge=0, le=1, description="share of them that its most frequent word needs (the paper: two thirds)")
+    silent_keyframes: int = Field(10, ge=1, description="a landmark not seen for so many keyframes is checked")
+    silent_seconds: float = Field(2.0, ge=0, description="and for so long")
+    split: bool = Field(True, description="part a landmark that is seen under two words at once")
+    split_keyframes: int = Field(6, ge=1, description="in more than so many of the newest ``window_keyframes`` it must have been")
+    window_keyframes: int = Field(10, ge=1, description="so many keyframes with an observation of it are looked back at")
+    merge: bool = Field(False, description="also fold landmarks whose clouds overlap (what the paper avoids)")
+    merge_overlap: float = Field(0.9, gt=0, le=1, description="share of the smaller cloud from which two are one")
+    merge_every: int = Field(20, ge=1, description="keyframes between two such passes")
