@@ -184,6 +184,7 @@ __all__ = [  # noqa: RUF022  # by what they are for
     "EvaluationError",
     "OptimizationError",
     "BackendError",
+    "UnknownBackendError",
     "MissingBackendError",
     "NoPathError",
     "MapError",
