@@ -18,6 +18,7 @@ KINDS = ("detector", "odometry", "associator", "agent", "store", "smoother", "as
 _BUILT_IN: dict[str, dict[str, str]] = {
     "detector": {
         "none": "seo_slam.backends.no_detector:NoDetector",
+        "hybrid": "seo_slam.perception.hybrid:HybridDetector",
         "yolox": "seo_slam.backends.yolox_detector:YoloxDetector",
         "recorded": "seo_slam.backends.recorded_detector:RecordedDetector",
     },

@@ -23,6 +23,8 @@ def options(name, request, tmp_path):
             for frame in tiny_frames(2):
                 recorder.record(frame, SEEN)
         return {"path": tmp_path / "detections.jsonl"}
+    if name == "hybrid":
+        return {"detector": Returns(SEEN), "segmenter": {"name": "none"}}
     return {}
 
 

@@ -1,0 +1,212 @@
+"""DualMap's front end (III-A1): a detector that knows words, and a segmenter that sees whatever else there is."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from pydantic import ValidationError
+
+from seo_slam import registry
+from seo_slam.config import Component
+from seo_slam.errors import ConfigError, FrameError
+from seo_slam.geometry import FloatArray
+from seo_slam.interfaces import CropEmbedder, Detector, Embedder
+from seo_slam.perception.adapters import to_detections
+from seo_slam.perception.background import BACKGROUND, is_background
+from seo_slam.perception.box_masks import DepthMasker, Masker
+from seo_slam.perception.class_list import ClassList
+from seo_slam.perception.colour_merge import merged
+from seo_slam.perception.novel_segments import joined, novel, parted
+from seo_slam.perception.structure import is_structure
+from seo_slam.settings.hybrid import HybridSettings, StructureSettings
+from seo_slam.types import BoolArray, Detections, Frame
+
+StructureRule = Literal["auto", "looks", "shape", "keep"]
+
+
+class HybridDetector:
+    """A ``Detector`` made of two: named boxes first, then segments without a word of what the boxes leave out.
+
+    Each frame: detections without background words; a mask for each; boxes of one thing merged by overlap and colour; segments that
+    overlap none of them added, label None, unless they are structure; no two masks share a pixel, small ones are dropped.
+
+    Attributes:
+        detector, segmenter, masker: its parts; without a segmenter only what has a word is found.
+        classes: the words that are kept; None: all.
+        notes: what a user should be told about the last frame.
+    """
+
+    def __init__(
+        self,
+        detector: Any,
+        segmenter: Any = None,
+        masker: Masker | None = None,
+        classes: ClassList | Iterable[str] | str | Path | None = None,
+        background: Sequence[str] = BACKGROUND,
+        refine: bool = True,
+        structure: StructureRule = "auto",
+        image_encoder: Any = None,
+        settings: HybridSettings | Mapping[str, Any] | None = None,
+        structure_settings: StructureSettings | Mapping[str, Any] | None = None,
+    ) -> None:
+        """Put the front end together.
+
+        Args:
+            detector: finds things with words: an object, a registered name, or ``{"name": …, "options": {…}}``.
+            segmenter: a detector of segments, whose words are not looked at; None: no segments.
+            masker: boxes to masks, for detections without a mask; None: by depth.
+            classes: a class list, words, or the path of a file of words; detections of other words are dropped. None: none are.
+            background: words of what is no thing; see ``is_background``.
+            refine: merge boxes of one thing.
+            structure: how walls, floor and ceiling are told among the segments: "looks": their picture is nearer to a background word
+                than to a class; "shape": see ``perception.structure``; "auto": looks where there is an image encoder, else shape; "keep":
+                not at all.
+            image_encoder: for "looks": has ``embed_crops`` and ``embed_text``.
+            settings: thresholds, as ``HybridSettings`` or a mapping of some of them.
+            structure_settings: those of "shape", likewise.
+
+        Raises:
+            ConfigError: a part that is none, a setting out of range, duplicates in the class list, or "looks" without an image encoder.
+            UnknownBackendError, MissingBackendError: a part cannot be made.
+        """
+        self.detector = _part(detector, "detector")
+        self.segmenter = None if segmenter is None else _part(segmenter, "segmenter")
+        self.masker = DepthMasker() if masker is None else masker
+        if not isinstance(self.masker, Masker):
+            raise ConfigError(f"hybrid: masker is a {type(masker).__name__}, wanted something with masks(frame, boxes_px)")
+        self.classes = None if classes is None else ClassList.of(classes)
+        self.background = tuple(background)
+        self.refine = refine
+        self._settings = _settings(HybridSettings, settings)
+        self._structure_settings = _settings(StructureSettings, structure_settings)
+        self._encoder = image_encoder
+        self._structure = _rule(structure, image_encoder)
+        self._said: dict[str, None] = dict.fromkeys(self.classes or ())
+        self._last_segment_s: float | None = None
+        self._silence_told = False
+        self.notes: tuple[str, ...] = ()
+
+    def detect(self, frame: Frame) -> Detections:
+        """Return what is in a frame, each with a mask: first what has a word, then what has none.
+
+        Raises:
+            FrameError: the detector, the segmenter or the masker returned what does not fit the image.
+        """
+        self.notes = ()
+        found = self.named(frame)
+        if self.refine:
+            found = merged(found, frame.rgb, self._settings)
+        if self.segmenter is not None:
+            found = joined(found, self.unnamed(frame, found))
+        return parted(found, self._settings)
+
+    def named(self, frame: Frame) -> Detections:
+        """Return the detections that are kept for their words, each with a mask."""
+        found = to_detections(self.detector.detect(frame), frame, type(self.detector).__name__)
+        kept = np.array([self._is_wanted(label) for label in found.labels], dtype=np.bool_)
+        found = found[kept]
+        if self.classes is None:
+            self._said |= dict.fromkeys(label for label in found.labels if label)
+        return self._with_masks(found, frame)
+
+    def unnamed(self, frame: Frame, found: Detections) -> Detections:
+        """Return the segments that show what is in none of the masks of ``found``, without those that are structure."""
+        assert self.segmenter is not None  # for the type checker
+        segments = to_detections(self.segmenter.detect(frame), frame, type(self.segmenter).__name__)
+        self._watch(frame, bool(len(segments)))
+        segments = self._with_masks(segments, frame)
+        segments = Detections(segments.boxes_px, (None,) * len(segments), segments.scores, segments.masks, segments.embeddings)
+        structure = self._is_structure(segments, frame)  # of all: pieces of one wall are told together
+        segments = segments[~structure]
+        return segments[novel(_masks_of(segments, frame), _masks_of(found, frame), self._settings)]
+
+    def _is_wanted(self, label: str | None) -> bool:
+        if is_background(label, self.background):
+            return False
+        return self.classes is None or label in self.classes
+
+    def _with_masks(self, found: Detections, frame: Frame) -> Detections:
+        """The same, with a mask for each that has none."""
+        masks = _masks_of(found, frame).copy()
+        without = np.flatnonzero(~masks.any(axis=(1, 2)))
+        if len(without):
+            made = self.masker.masks(frame, found.boxes_px[without])
+            wanted = (len(without), *frame.depth_m.shape)
+            if not isinstance(made, np.ndarray) or made.shape != wanted or made.dtype != np.bool_:
+                got = f"{made.dtype} {made.shape}" if isinstance(made, np.ndarray) else type(made).__name__
+                where = f"frame {frame.index} (t={frame.timestamp_s})"
+                raise FrameError(f"{type(self.masker).__name__}, {where}: masks are {got}, wanted bool {wanted}, the size of the image")
+            masks[without] = made
+        return Detections(found.boxes_px, found.labels, found.scores, masks, found.embeddings)
+
+    def _is_structure(self, segments: Detections, frame: Frame) -> BoolArray:
+        if self._structure == "keep" or not len(segments):
+            return np.zeros(len(segments), dtype=np.bool_)
+        if self._structure == "looks" and self._said and self.background:
+            return looks_like(self._encoder, frame, segments.boxes_px, self.background, tuple(self._said))
+        return is_structure(_masks_of(segments, frame), frame, self._structure_settings)
+
+    def _watch(self, frame: Frame, found: bool) -> None:
+        """Note once if the segmenter has found nothing for long."""
+        if found or self._last_segment_s is None:
+            self._last_segment_s = frame.timestamp_s
+        if found:
+            self._silence_told = False
+        silent_s = self._settings.silent_s
+        if not self._silence_told and frame.timestamp_s - self._last_segment_s >= silent_s:
+            self._silence_told = True
+            name = type(self.segmenter).__name__
+            self.notes = (
+                *self.notes,
+                f"the segmenter ({name}) has found nothing for {silent_s:g} s; the map goes on with named things only",
+            )
+
+
+def looks_like(encoder: Any, frame: Frame, boxes_px: FloatArray, these: Sequence[str], others: Sequence[str]) -> BoolArray:
+    """Return (N,) whether the picture in each box (N, 4) is nearer to one of ``these`` words than to all ``others``."""
+    pictures = encoder.embed_crops(frame, boxes_px)
+    near = (pictures @ encoder.embed_text(list(these)).T).max(axis=1)
+    far = (pictures @ encoder.embed_text(list(others)).T).max(axis=1)
+    return np.asarray(near > far)
+
+
+def _masks_of(found: Detections, frame: Frame) -> BoolArray:
+    return np.zeros((len(found), *frame.depth_m.shape), dtype=np.bool_) if found.masks is None else found.masks
+
+
+def _part(given: Any, what: str) -> Detector:
+    if isinstance(given, Mapping):
+        try:
+            given = Component.model_validate(dict(given))
+        except ValidationError as error:
+            first = error.errors()[0]
+            raise ConfigError(f'hybrid: {what}: {first["msg"]}; wanted {{"name": …, "options": {{…}}}}') from None
+    made = registry.create("detector", given) if isinstance(given, str | Component | type) else given
+    if not isinstance(made, Detector):
+        raise ConfigError(f"hybrid: {what} is a {type(made).__name__}, wanted something with detect(frame), its name, or name and options")
+    return made
+
+
+def _settings(model: Any, given: Any) -> Any:
+    if isinstance(given, model):
+        return given
+    try:
+        return model.model_validate(dict(given or {}))
+    except (ValidationError, TypeError, ValueError) as error:
+        detail = str(error)
+        if isinstance(error, ValidationError):
+            first = error.errors()[0]
+            detail = f"{'.'.join(map(str, first['loc']))}: {first['msg']}"
+        raise ConfigError(f"hybrid: {model.__name__}: {detail} (known: {', '.join(model.model_fields)})") from None
+
+
+def _rule(structure: str, encoder: Any) -> str:
+    if structure not in ("auto", "looks", "shape", "keep"):
+        raise ConfigError(f"hybrid: structure is {structure!r}, wanted auto, looks, shape or keep")
+    usable = isinstance(encoder, CropEmbedder) and isinstance(encoder, Embedder)
+    if encoder is not None and not usable:
+        raise ConfigError(f"hybrid: image_encoder is a {type(encoder).__name__}, wanted something with embed_crops and embed_text")
+    if structure == "looks" and encoder is None:
+        raise ConfigError("hybrid: structure is 'looks', which needs an image_encoder")
+    return ("looks" if encoder is not None else "shape") if structure == "auto" else structure

@@ -1,0 +1,61 @@
+"""Segments without a word that show what the detector has not seen (DualMap III-A1)."""
+
+import numpy as np
+
+from seo_slam.perception.mask_overlap import disjoint, mask_areas, mask_iou, shared_pixels
+from seo_slam.settings.hybrid import HybridSettings
+from seo_slam.types import BoolArray, Detections
+
+PIXELS_OF_VGA = 640 * 480
+
+
+def novel(segments: BoolArray, detected: BoolArray, settings: HybridSettings) -> BoolArray:
+    """Return (M,) which of the segments (M, H, W) overlap none of the detected masks (N, H, W).
+
+    At most ``novel_iou`` of their union may be shared, and at most ``novel_share`` of the segment, and of the detection. Of segments that
+    overlap each other by more than ``merge_iou`` the first one counts.
+    """
+    areas = mask_areas(segments)
+    news = areas > 0
+    if len(detected):
+        known = mask_areas(detected)
+        shared = shared_pixels(segments, detected)
+        smaller = np.minimum(areas[:, None], known[None, :])
+        overlaps = mask_iou(shared, areas, known) > settings.novel_iou
+        overlaps |= shared / np.maximum(smaller, 1) > settings.novel_share
+        news &= ~overlaps.any(axis=1)
+    rows = np.flatnonzero(news)
+    alike = mask_iou(shared_pixels(segments[rows], segments[rows]), areas[rows], areas[rows]) > settings.merge_iou
+    for position, row in enumerate(rows):
+        if news[row]:
+            news[rows[position + 1 :][alike[position, position + 1 :]]] = False
+    return np.asarray(news)
+
+
+def joined(detected: Detections, segments: Detections) -> Detections:
+    """Return detections and segments as one, the detections first. Where only one has embeddings, the other's rows are zero."""
+    if not len(segments):
+        return detected
+    parts = (detected, segments) if len(detected) else (segments,)
+    sizes = {part.embeddings.shape[1] for part in parts if part.embeddings is not None}
+    embeddings = None
+    if len(sizes) == 1:
+        (size,) = sizes
+        embeddings = np.concatenate([np.zeros((len(part), size)) if part.embeddings is None else part.embeddings for part in parts])
+    return Detections(
+        boxes_px=np.concatenate([part.boxes_px for part in parts]),
+        labels=tuple(label for part in parts for label in part.labels),
+        scores=np.concatenate([part.scores for part in parts]),
+        masks=np.concatenate([part.masks for part in parts if part.masks is not None]),
+        embeddings=embeddings,
+    )
+
+
+def parted(detections: Detections, settings: HybridSettings) -> Detections:
+    """Return detections whose masks share no pixel (the larger of two loses the overlap), without those left too small."""
+    if detections.masks is None or not len(detections):
+        return detections
+    masks = disjoint(detections.masks)
+    smallest_px = settings.smallest_px * masks[0].size / PIXELS_OF_VGA
+    parted_ones = Detections(detections.boxes_px, detections.labels, detections.scores, masks, detections.embeddings)
+    return parted_ones[mask_areas(masks) >= max(smallest_px, 1.0)]
