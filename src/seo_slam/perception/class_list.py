@@ -1,7 +1,7 @@
 """The words that a map is to be made of."""
 
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
@@ -82,8 +82,8 @@ class ClassList:
     def of_detector(cls, detector: Any) -> Self | None:
         """Return what a detector says it knows (``names``, ``labels`` or ``classes``; of a mapping its values); None if it says nothing."""
         for attribute in ("names", "labels", "classes"):
-            said = getattr(detector, attribute, None)
-            values = list(said.values()) if hasattr(said, "values") and not callable(said) else said
+            said: Any = getattr(detector, attribute, None)
+            values = list(said.values()) if isinstance(said, Mapping) else said
             if isinstance(values, list | tuple | ClassList) and values and all(isinstance(word, str) for word in values):
                 return cls(_different(values), f"{attribute} of {type(detector).__name__}")
         return None
