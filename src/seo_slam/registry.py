@@ -29,6 +29,7 @@ _BUILT_IN: dict[str, dict[str, str]] = {
     "associator": {
         "two_stage": "seo_slam.association.two_stage:TwoStageAssociator",
         "nearest": "seo_slam.association.nearest:NearestAssociator",
+        "overlap": "seo_slam.association.overlap:OverlapAssociator",
     },
     "agent": {
         "local_verification": "seo_slam.agents.local_verification:LocalVerification",
@@ -42,7 +43,10 @@ _BUILT_IN: dict[str, dict[str, str]] = {
         "memory": "seo_slam.backends.memory_store:MemoryStore",
         "sqlite": "seo_slam.backends.sqlite_store:SqliteStore",
     },
-    "smoother": {"gtsam": "seo_slam.backends.gtsam_smoother:GtsamSmoother"},
+    "smoother": {
+        "gtsam": "seo_slam.backends.gtsam_smoother:GtsamSmoother",
+        "given_poses": "seo_slam.backends.given_poses_smoother:GivenPosesSmoother",
+    },
     "assignment_solver": {
         "scipy": "seo_slam.backends.scipy_assignment:ScipyAssignment",
         "lap": "seo_slam.backends.lap_assignment:LapAssignment",

@@ -7,6 +7,7 @@ import numpy as np
 from seo_slam.camera import Camera
 from seo_slam.geometry import FloatArray, exp, inverse, transform_points
 from seo_slam.interfaces import AgentView
+from seo_slam.perception.cloud import Cloud
 from seo_slam.types import Frame, Landmark, Landmarks, Observations
 
 TINY_CAMERA = Camera(fx=260.0, fy=260.0, cx=159.5, cy=119.5, width=320, height=240)
@@ -56,8 +57,8 @@ def hard_frames() -> tuple[Frame, ...]:
 
 
 def tiny_landmarks() -> Landmarks:
-    """Return four stable landmarks before the first camera, world frame, 1 cm sure of their position."""
-    return Landmarks.from_rows(
+    """Return four stable landmarks before the first camera, world frame, 1 cm sure of their position; of each one point is known."""
+    landmarks = Landmarks.from_rows(
         [
             Landmark(
                 id=landmark_id,
@@ -76,6 +77,7 @@ def tiny_landmarks() -> Landmarks:
             for landmark_id, label, p_first in zip(_IDS, LABELS, _P_FIRST, strict=True)
         ]
     )
+    return replace(landmarks, clouds=tuple(Cloud(p[None]) for p in landmarks.p_world))
 
 
 def tiny_embedding(label: str) -> FloatArray:

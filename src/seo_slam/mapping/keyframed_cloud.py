@@ -1,0 +1,192 @@
+"""The cloud of a landmark, kept relative to keyframes: a loop closure moves it (DualMap III-B2, and what it lists as its limitation)."""
+
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seo_slam.errors import FrameError
+from seo_slam.geometry import FloatArray
+from seo_slam.perception.cloud import Cloud
+from seo_slam.perception.voxels import cell_order, voxel_cells, voxel_means
+from seo_slam.types import BoolArray, IntArray
+
+MOST_COUNTED = 50
+"""A point weighs at most as so many views: what is seen later still counts a fiftieth, so that a cloud follows slow changes."""
+
+STALE_SHARE = 0.25
+"""A cloud is computed anew once a pose may have moved one of its points by more than this share of a voxel."""
+
+
+class KeyframedCloud:
+    """Points of a landmark, one a voxel of the world, each kept in the frame of the keyframe that first saw it.
+
+    Seeing a place again averages the new points into those that are there: memory stays as it is. Where a change of the poses brings
+    points into one voxel they are folded into the oldest of them with the next ``add``.
+
+    Attributes:
+        voxel_m: side of a voxel.
+        keyframe: (M,) int32, the keyframe that each point moves with: a row of ``poses``.
+        p_keyframe: (M, 3) float32, the points in the frames of those, metres.
+        count: (M,) int32, in how many views, at most ``MOST_COUNTED``.
+    """
+
+    def __init__(self, voxel_m: float) -> None:
+        """Make an empty cloud."""
+        if not voxel_m > 0:
+            raise ValueError(f"voxel_m: got {voxel_m}, wanted above 0")
+        self.voxel_m = voxel_m
+        self.keyframe: NDArray[np.int32] = np.zeros(0, dtype=np.int32)
+        self.p_keyframe: NDArray[np.float32] = np.zeros((0, 3), dtype=np.float32)
+        self.count: NDArray[np.int32] = np.zeros(0, dtype=np.int32)
+        self._placed: _Placed | None = None
+
+    @classmethod
+    def of(
+        cls, voxel_m: float, keyframe: IntArray | NDArray[np.int32], p_keyframe: FloatArray, count: IntArray | NDArray[np.int32]
+    ) -> Self:
+        """Make one of its arrays, as read from a file.
+
+        Raises:
+            FrameError: they are not of one length, or hold a negative keyframe, a count below 1, or a point that is not finite.
+        """
+        M = len(keyframe)
+        if p_keyframe.shape != (M, 3) or count.shape != (M,):
+            raise FrameError(f"cloud: got {M} keyframes, {p_keyframe.shape} points and {count.shape} counts, wanted (M,), (M, 3), (M,)")
+        if (keyframe < 0).any() or (count < 1).any() or not np.isfinite(p_keyframe).all():
+            raise FrameError("cloud: a negative keyframe, a count below 1, or a point that is not finite")
+        out = cls(voxel_m)
+        out.keyframe, out.p_keyframe = keyframe.astype(np.int32), p_keyframe.astype(np.float32)
+        out.count = np.minimum(count, MOST_COUNTED).astype(np.int32)
+        return out
+
+    def __len__(self) -> int:
+        return len(self.keyframe)
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of what is kept: 20 a point. The points in the world that are held ready for ``world`` are not in it."""
+        return self.keyframe.nbytes + self.p_keyframe.nbytes + self.count.nbytes
+
+    def add(self, keyframe: int, p_camera: FloatArray, poses: FloatArray) -> None:
+        """Average points into the voxels that hold some, and append the others.
+
+        Args:
+            keyframe: a row of ``poses``: who saw them.
+            p_camera: (N, 3) in its frame, metres.
+            poses: (T, 4, 4) ``T_world_camera`` of all keyframes as estimated now.
+
+        Raises:
+            FrameError: points are not (N, 3) or not finite, or there is no such keyframe.
+        """
+        if p_camera.ndim != 2 or p_camera.shape[1] != 3 or not np.isfinite(p_camera).all():
+            raise FrameError(f"cloud of keyframe {keyframe}: got points {p_camera.shape}, wanted finite (N, 3)")
+        if not 0 <= keyframe < len(poses):
+            raise FrameError(f"cloud: got keyframe {keyframe}, wanted one of the {len(poses)} that have a pose")
+        if not len(p_camera):
+            return
+        seen = type(self)(self.voxel_m)
+        seen.keyframe = np.full(len(p_camera), keyframe, dtype=np.int32)
+        seen.p_keyframe = p_camera.astype(np.float32)
+        seen.count = np.ones(len(p_camera), dtype=np.int32)
+        seen._fold(poses)  # so that a voxel counts once a view, however many points of the view are in it
+        seen.count[:] = 1
+        self._take(seen, poses)
+
+    def merged(self, other: "KeyframedCloud", poses: FloatArray) -> Self:
+        """Return the cloud of both; in a voxel of both the one with the older keyframe gives its frame."""
+        out = self.copy()
+        out._take(other, poses)
+        return out
+
+    def subset(self, chosen: BoolArray | IntArray) -> Self:
+        """Return the points of a mask (M,) or of rows."""
+        out = type(self)(self.voxel_m)
+        out.keyframe, out.p_keyframe, out.count = self.keyframe[chosen], self.p_keyframe[chosen], self.count[chosen]
+        return out
+
+    def copy(self) -> Self:
+        """Return one that changes by itself; arrays are shared until one of the two does."""
+        out = type(self)(self.voxel_m)
+        out.keyframe, out.p_keyframe, out.count, out._placed = self.keyframe, self.p_keyframe, self.count, self._placed
+        return out
+
+    def points_world(self, poses: FloatArray) -> FloatArray:
+        """Return (M, 3) every point, world frame, by the poses (T, 4, 4) exactly as given; rows as in ``subset``."""
+        return _to_world(self.keyframe, self.p_keyframe, poses)
+
+    def world(self, poses: FloatArray) -> Cloud:
+        """Return the cloud in the world, at most one point a voxel.
+
+        The same object as long as neither points are added nor a pose of its keyframes has moved any of its points by more than
+        ``STALE_SHARE`` of a voxel since it was computed, so that its tree need not be built again.
+        """
+        return self._placing(poses, STALE_SHARE * self.voxel_m).cloud
+
+    def _placing(self, poses: FloatArray, tolerance_m: float) -> "_Placed":
+        if self._placed is None or not self._placed.holds(poses, tolerance_m):
+            self._placed = _Placed(self, _to_world(self.keyframe, self.p_keyframe, poses), None, poses)
+        return self._placed
+
+    def _take(self, other: "KeyframedCloud", poses: FloatArray) -> None:
+        mine, theirs = self._placing(poses, 0.0), other._placing(poses, 0.0)
+        self.keyframe = np.concatenate([self.keyframe, other.keyframe])
+        self.p_keyframe = np.concatenate([self.p_keyframe, other.p_keyframe])
+        self.count = np.concatenate([self.count, other.count])
+        p_world, cells = np.concatenate([mine.p_world, theirs.p_world]), np.concatenate([mine.cells, theirs.cells])
+        self._fold(poses, p_world, cells)
+
+    def _fold(self, poses: FloatArray, p_world: FloatArray | None = None, cells: IntArray | None = None) -> None:
+        """Make one point of those in one voxel, in the frame of the oldest keyframe among them."""
+        if p_world is None or cells is None:
+            p_world = _to_world(self.keyframe, self.p_keyframe, poses)
+            cells = voxel_cells(p_world, self.voxel_m)
+        oldest_first = np.argsort(self.keyframe, kind="stable")
+        order, starts = cell_order(cells[oldest_first])
+        order = oldest_first[order]
+        keeper = order[starts]
+        shared = np.diff(starts, append=len(order)) > 1
+        means = p_world[keeper]  # of one point: exactly as it is, so that nothing creeps
+        counts = self.count[keeper]
+        if shared.any():
+            means[shared] = voxel_means(p_world, order, starts, self.count.astype(np.float64))[shared]
+            counts = np.minimum(np.add.reduceat(self.count[order], starts), MOST_COUNTED).astype(np.int32)
+        keyframe, p_keyframe = self.keyframe[keeper], self.p_keyframe[keeper]
+        p_keyframe[shared] = _to_keyframe(keyframe[shared], means[shared], poses)
+        self.keyframe, self.p_keyframe, self.count = keyframe, p_keyframe, counts
+        self._placed = _Placed(self, means, cells[keeper], poses)
+
+
+class _Placed:
+    """Where the points of a cloud are in the world by certain poses."""
+
+    def __init__(self, owner: KeyframedCloud, p_world: FloatArray, cells: IntArray | None, poses: FloatArray) -> None:
+        """Take the points (M, 3); ``cells``, their voxels, are given where there is one point in each."""
+        self.p_world = p_world
+        self.cells = voxel_cells(p_world, owner.voxel_m) if cells is None else cells
+        if cells is None:
+            p_world = voxel_means(p_world, *cell_order(self.cells), owner.count.astype(np.float64))
+        self.cloud = Cloud(p_world)
+        self._keyframes, rows = np.unique(owner.keyframe, return_inverse=True)
+        self._poses = np.array(poses[self._keyframes], dtype=np.float64)
+        self._reach_m = np.zeros(len(self._keyframes))
+        np.maximum.at(self._reach_m, rows, np.sqrt(np.einsum("ni,ni->n", owner.p_keyframe, owner.p_keyframe, dtype=np.float64)))
+
+    def holds(self, poses: FloatArray, tolerance_m: float) -> bool:
+        """Whether no point has moved by more than the tolerance (bounded from above: by shift, and turn times reach, of its keyframe)."""
+        change = poses[self._keyframes] - self._poses
+        turn = np.sqrt(np.einsum("nij,nij->n", change[:, :3, :3], change[:, :3, :3]))
+        shift_m = np.sqrt(np.einsum("ni,ni->n", change[:, :3, 3], change[:, :3, 3]))
+        return bool((shift_m + turn * self._reach_m <= tolerance_m).all())
+
+
+def _to_world(keyframe: NDArray[np.int32], p_keyframe: NDArray[np.float32], poses: FloatArray) -> FloatArray:
+    # einsum, not a matrix product: the last digit must not depend on how many points are asked for at once
+    T = poses[keyframe]
+    return np.asarray(np.einsum("nij,nj->ni", T[:, :3, :3], p_keyframe.astype(np.float64)) + T[:, :3, 3], dtype=np.float64)
+
+
+def _to_keyframe(keyframe: NDArray[np.int32], p_world: FloatArray, poses: FloatArray) -> NDArray[np.float32]:
+    T = poses[keyframe]
+    p_keyframe: FloatArray = np.einsum("nji,nj->ni", T[:, :3, :3], p_world - T[:, :3, 3])
+    return p_keyframe.astype(np.float32)
