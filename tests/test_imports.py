@@ -38,6 +38,8 @@ ORDER = (
     "ask",
     "stages",
     "composition",
+    "measuring",
+    "abstraction_host",
     "keeping",
     "agent_host",
     "run_result",

@@ -14,7 +14,7 @@ _METHODS = {
     "detector": ("detect",),
     "odometry": ("update",),
     "associator": ("associate",),
-    "smoother": ("start", "predict", "update", "remove", "merge", "positions", "covariances", "poses"),
+    "smoother": ("start", "predict", "update", "remove", "merge", "split", "positions", "covariances", "poses"),
     "embedder": ("embed_text", "name", "size"),
     "store": (
         "commit",
@@ -57,6 +57,7 @@ def compose(config: Config, given: Mapping[str, Any], agents: Sequence[Any] | No
     embedder = _part("embedder", given.get("embedder"), config.embedder)
     context: dict[str, Any] = {
         "settings": config.association,
+        "overlap": config.overlap,
         "solver": create("assignment_solver", config.association.solver),
         "likelihood": LabelLikelihood(embedder),
         "seed": config.seed,

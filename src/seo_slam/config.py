@@ -14,9 +14,12 @@ from typing import Any, Literal, Self
 from pydantic import BaseModel, Field, ValidationError
 
 from seo_slam.errors import ConfigError
+from seo_slam.settings.abstraction import AbstractionSettings
 from seo_slam.settings.base import Settings
 from seo_slam.settings.concrete import OverlapSettings, StatusSettings
+from seo_slam.settings.navigation import NavigationSettings
 from seo_slam.settings.observing import CloudSettings, FeatureSettings
+from seo_slam.settings.planning import LayoutSettings, PlannerSettings
 
 
 class Component(Settings):
@@ -145,6 +148,10 @@ class Config(Settings):
     map: MapSettings = MapSettings()
     life: LifeSettings = LifeSettings()
     status: StatusSettings = StatusSettings()
+    layout: LayoutSettings = LayoutSettings()
+    abstraction: AbstractionSettings = AbstractionSettings()
+    planner: PlannerSettings = PlannerSettings()
+    navigation: NavigationSettings = NavigationSettings()
     runner: RunnerSettings = RunnerSettings()
     edits: EditSettings = EditSettings()
     seed: int = Field(0, ge=0, description="of every part that draws random numbers")
@@ -254,6 +261,21 @@ _AS_PROPOSED = {"edits": {"rails": False}}
 
 _NEAREST = {"associator": {"name": "nearest"}}
 
+_DUALMAP: dict[str, Any] = {
+    "associator": {"name": "overlap"},
+    "smoother": {"name": "given_poses"},
+    "agents": [],
+    "lifting": {"duplicate_iou": 1.0, "one_box_a_place": False},
+    "features": {"image_weight": 0.7, "text_weight": 0.3, "null_text": True},
+    "clouds": {"enabled": True},
+    "map": {"merge_duplicates": False},
+    "status": {"enabled": True},
+    "layout": {"enabled": True},
+}
+"""DualMap III: clouds matched by overlap and looks, checks of each object by itself, poses as given."""
+
+_ESTIMATED = {"smoother": {"name": "gtsam"}}
+
 PRESETS: dict[str, dict[str, Any]] = {
     "seo_slam": {},
     "seo_slam_chat": {"agents": [*_MODELS, WITNESS], **_IN_BACKGROUND},
@@ -265,6 +287,8 @@ PRESETS: dict[str, dict[str, Any]] = {
     "rg_d_cosine": _PAPER | {"association": {"semantic_gate": "cosine"}},
     "seo_slam_paper_gate": {"association": {"semantic_gate": "cosine", "solver": "lap"}},
     "nearest": _NEAREST,
+    "dualmap": _DUALMAP,
+    "dualmap_estimated_poses": _DUALMAP | _ESTIMATED,
 }
 
 

@@ -27,9 +27,9 @@ from seo_slam.mapping.lifecycle import LifeCycle, SightingsOnly
 from seo_slam.mapping.motion_chain import MotionChain
 from seo_slam.mapping.object_map import ObjectMap
 from seo_slam.mapping.sight import DepthView
-from seo_slam.perception.adapters import to_detections
+from seo_slam.mapping.status_checks import StatusChecks
+from seo_slam.measuring import Measuring
 from seo_slam.perception.cut_boxes import completed
-from seo_slam.perception.lifting import observe
 from seo_slam.records import EditRecord, MapEvent, StepResult, Trajectory
 from seo_slam.run_result import RunResult
 from seo_slam.stages import StageClock
@@ -113,13 +113,16 @@ class Pipeline:
         self._likelihood = LabelLikelihood(self.parts.embedder)
         self._old_map = None if map is None else map.with_embeddings(self.parts.embedder)
         next_id = max(self.parts.store.next_id(), 0 if map is None else map.next_id)
-        self._objects = ObjectMap(self.config.map, self.parts.embedder.size, next_id)
-        self._life: LifeCycle | SightingsOnly = SightingsOnly(self._objects)
-        if self.config.life.enabled:
+        self._objects = ObjectMap(self.config.map, self.parts.embedder.size, next_id, self.config.clouds)
+        self._life: LifeCycle | SightingsOnly | StatusChecks = SightingsOnly(self._objects)
+        if self.config.status.enabled:
+            self._life = StatusChecks(self.config.status, self.config.overlap, self._objects)
+        elif self.config.life.enabled:
             self._life = LifeCycle(self.config.life, self.config.lifting, self._objects, self._likelihood)
         self._keeper = Keeper(self.parts, self._objects)
         self._agents = AgentHost(self.parts.agents, self.config, self._objects, self.parts.smoother, self.parts.embedder)
         self.clock = StageClock()
+        self._measuring = Measuring(self.config, self.parts, self.clock)
         self._counts = _Counts()
         self._since_keyframe = MotionChain()
         self._keyframe_stamp_s = 0.0
@@ -236,7 +239,7 @@ class Pipeline:
         if not first and not is_keyframe(since.T_keyframe_frame, elapsed_s, self.config.keyframes):
             self._path.append((frame.timestamp_s, self._keyframes - 1, since.T_keyframe_frame))
             return self._estimate.T_world_camera @ since.T_keyframe_frame, None
-        detections, observations = self._measure(frame, warnings)
+        detections, observations = self._measuring.measure(frame, warnings)
         if first:  # only now: a detector that fails on the first frame must leave no trace
             self._start(motion)
             self._placed(frame, motion)
@@ -292,29 +295,11 @@ class Pipeline:
         if self._old_map is not None:
             rows = [*self._old_map.landmarks, *self._old_map.tentative]
             for row in rows:
-                self._objects.restore(row)
+                self._objects.restore(row, T_world_camera)
             old = Landmarks.from_rows(rows)
         self._estimate: Estimate = self.parts.smoother.start(T_world_camera, np.diag(np.square(sigmas)), old)
         for key, value in (("gravity", self._gravity), ("embedder", self.parts.embedder.name), ("next_id", str(self._objects.next_id))):
             self.parts.store.set_meta(key, value)
-
-    def _measure(self, frame: Frame, warnings: list[str]) -> tuple[Detections, Observations]:
-        """Detect and lift: what is seen, camera frame. Changes nothing."""
-        clock, parts = self.clock, self.parts
-        if not self._path:
-            with clock.stage("warm up"):  # a text model loads when it is first asked
-                parts.embedder.embed_text(["thing"])
-        with clock.stage("detect"):
-            detections = to_detections(parts.detector.detect(frame), frame, type(parts.detector).__name__)
-        if not len(detections):
-            warnings.append("no detections")
-        with clock.stage("observe"):
-            if not frame.has_depth:
-                warnings.append("the frame has no depth, its detections cannot be placed")
-                return detections, Observations.empty(parts.embedder.size)
-            observations, left_out = observe(detections, frame, self.config.lifting, parts.embedder)
-        warnings += left_out
-        return detections, observations
 
     def _keyframe(
         self, frame: Frame, step: Motion, detections: Detections, observations: Observations, warnings: list[str]
@@ -360,7 +345,8 @@ class Pipeline:
         """Fold the measurements into what is known of the things, and doubles into one."""
         ids, p_world = self.parts.smoother.positions()
         own = p_world[np.searchsorted(ids, landmark_ids)]
-        events = self._objects.integrate(observations, landmark_ids, self._estimate.T_world_camera, frame.timestamp_s, own)
+        poses = self.parts.smoother.poses() if self.config.clouds.enabled else None
+        events = self._objects.integrate(observations, landmark_ids, self._estimate.T_world_camera, frame.timestamp_s, own, poses)
         if self.config.map.merge_duplicates:
             events += self._merge_duplicates(frame, landmark_ids)
         return events

@@ -3,14 +3,12 @@
 import numpy as np
 import pytest
 
-from seo_slam.backends.hashed_embedder import HashedEmbedder
 from seo_slam.camera import Camera
 from seo_slam.config import LiftingSettings
 from seo_slam.perception.lifting import observe
 from seo_slam.types import Detections, Frame
 
 CAMERA = Camera(fx=260.0, fy=260.0, cx=159.5, cy=119.5, width=320, height=240)
-EMBEDDER = HashedEmbedder(size=32)
 NOISE = LiftingSettings().depth_noise_at_1m_m
 
 
@@ -51,7 +49,7 @@ def lift(depth_m, *rows, camera=CAMERA, masks=None, labels=None, scores=None, se
         np.array(scores if scores is not None else [0.9] * n, dtype=np.float64),
         None if masks is None else np.array(masks),
     )
-    return observe(found, frame, settings or LiftingSettings(), EMBEDDER)
+    return observe(found, frame, settings or LiftingSettings())
 
 
 def sheet(centre, size, wall_m=2.5, camera=CAMERA):
@@ -75,7 +73,6 @@ def test_an_object_before_a_wall_is_where_it_is_and_as_large():
     np.testing.assert_allclose(seen.size_m[0], size, atol=0.012)
     assert not seen.truncated.any()
     assert seen.labels == ("thing",)
-    np.testing.assert_allclose(seen.embeddings[0], EMBEDDER.embed_text(["thing"])[0])
 
 
 def test_an_ellipse_that_fills_its_box_by_three_quarters_is_not_pulled_to_the_wall():
@@ -174,7 +171,7 @@ def test_detections_without_depth_are_left_out_and_counted():
 def test_nothing_is_measured_where_nothing_came_back_or_all_is_too_far(hole):
     seen, warnings = lift(np.full((240, 320), hole), [10, 10, 60, 60])
     assert len(seen) == 0
-    assert seen.embeddings.shape == (0, 32)
+    assert seen.embeddings.shape == (0, 0)
     assert "1 of 1" in warnings[0]
 
 
@@ -193,15 +190,13 @@ def test_scores_below_the_least_one_are_ignored_without_a_warning():
     assert warnings == ()
 
 
-def test_rows_point_into_the_detections_and_unlabelled_ones_have_no_embedding():
+def test_rows_point_into_the_detections():
     first, one = sheet((-0.35, 0.0, 1.2), (0.2, 0.12))
     second, two = sheet((0.3, 0.0, 1.4), (0.2, 0.12))
     depth = np.minimum(first, second)
     seen, _ = lift(depth, [300, 220, 302, 222], box_of(one), box_of(two), labels=("dot", None, "book"))
     assert seen.rows.tolist() == [1, 2]
     assert seen.labels == (None, "book")
-    assert not seen.embeddings[0].any()
-    assert np.linalg.norm(seen.embeddings[1]) == pytest.approx(1.0)
 
 
 def test_a_box_cut_by_the_border_is_less_certain_across_that_border_only():

@@ -4,17 +4,21 @@ Positions and their covariances live in the smoother; the object map asks for th
 """
 
 from collections import Counter
+from collections.abc import Collection
 
 import numpy as np
 
 from seo_slam.config import MapSettings
-from seo_slam.errors import UnknownLandmarkError
+from seo_slam.errors import MapError, UnknownLandmarkError
 from seo_slam.geometry import FloatArray, transform_points
 from seo_slam.interfaces import Smoother
 from seo_slam.mapping.existence import Sightings
+from seo_slam.mapping.observation_record import ObservationRecord
 from seo_slam.mapping.thing import SURFACE_POINTS, SURFACE_VIEWS, Thing
 from seo_slam.perception.boxes import containment
+from seo_slam.perception.cloud import Cloud
 from seo_slam.records import MapEvent
+from seo_slam.settings.observing import CloudSettings
 from seo_slam.types import IntArray, Landmark, Landmarks, Observations, heaviest
 
 SIZES_KEPT = 50
@@ -33,9 +37,11 @@ HITS_RESTORED = 20
 class ObjectMap:
     """All things, by id. Ids are never reused."""
 
-    def __init__(self, settings: MapSettings, embedding_size: int, next_id: int = 0) -> None:
-        """Start empty; ``next_id`` is the first id to give."""
+    def __init__(self, settings: MapSettings, embedding_size: int, next_id: int = 0, clouds: CloudSettings | None = None) -> None:
+        """Start empty; ``next_id`` is the first id to give. With ``clouds`` that are enabled, every observation's points are kept."""
         self.settings = settings
+        self.clouds = clouds or CloudSettings()
+        self._poses = np.zeros((0, 4, 4))
         self.embedding_size = embedding_size
         self.next_id = next_id
         self.things: dict[int, Thing] = {}
@@ -49,8 +55,13 @@ class ObjectMap:
             raise UnknownLandmarkError(f"no landmark {landmark_id} in the map")
         return self.things[landmark_id]
 
-    def restore(self, landmark: Landmark) -> None:
-        """Take over a landmark of a map that is continued; its words count as many observations as it had."""
+    def restore(self, landmark: Landmark, T_world_camera: FloatArray | None = None) -> None:
+        """Take over a landmark of a map that is continued; its words count as many observations as it had.
+
+        Its points, where clouds are kept, are tied to the first camera at ``T_world_camera``.
+        """
+        T_first = np.eye(4) if T_world_camera is None else T_world_camera
+        self._poses = T_first[None]
         self.things[landmark.id] = Thing(
             id=landmark.id,
             first_seen_s=landmark.first_seen_s,
@@ -65,6 +76,7 @@ class ObjectMap:
             version=landmark.version,
             fixed_label=landmark.label if landmark.label and landmark.label != heaviest(landmark.labels) else None,
             fixed_category=landmark.category,
+            record=ObservationRecord.restored(landmark, self.clouds.voxel_m, T_first) if self.clouds.enabled else None,
         )
         self.next_id = max(self.next_id, landmark.id + 1)
 
@@ -81,6 +93,7 @@ class ObjectMap:
         T_world_camera: FloatArray,
         timestamp_s: float,
         p_world: FloatArray,
+        poses: FloatArray | None = None,
     ) -> list[MapEvent]:
         """Fold one keyframe into the map.
 
@@ -90,7 +103,9 @@ class ObjectMap:
             T_world_camera: (4, 4) of the keyframe.
             timestamp_s: of the keyframe.
             p_world: (K, 3) positions of the things.
+            poses: (T, 4, 4) of all keyframes as they are estimated now, this one last; needed where clouds are kept.
         """
+        self._poses = np.asarray(T_world_camera)[None] if poses is None else poses
         events = []
         for row, landmark_id in enumerate(int(i) for i in landmark_ids):
             if landmark_id not in self.things:
@@ -110,6 +125,10 @@ class ObjectMap:
         timestamp_s: float,
     ) -> list[MapEvent]:
         before = thing.label
+        if self.clouds.enabled:
+            thing.record = thing.record or ObservationRecord(self.clouds.voxel_m)
+            keyframe, cloud = len(self._poses) - 1, observations.clouds[row]
+            thing.record.add(observations.labels[row], keyframe, observations.embeddings[row], cloud, self._poses)
         label, score = observations.labels[row], max(float(observations.scores[row]), LEAST_WEIGHT)
         if label:
             thing.weights[label] = thing.weights.get(label, 0.0) + score
@@ -147,7 +166,8 @@ class ObjectMap:
         inside = containment(boxes_px, boxes_px)
         for a, b in zip(*np.nonzero(np.triu(inside < SEPARATE_CONTAINMENT, k=1)), strict=True):
             low, high = sorted((int(landmark_ids[a]), int(landmark_ids[b])))
-            self.seen_apart[low, high] += 1
+            if low != high:  # a landmark that several observations may share
+                self.seen_apart[low, high] += 1
 
     def times_apart(self, a: int, b: int) -> int:
         """In how many keyframes two landmarks were detected at once, in separate boxes."""
@@ -175,6 +195,8 @@ class ObjectMap:
         keep.observations += drop.observations
         keep.sightings = keep.sightings.merged(drop.sightings)
         keep.existence = max(keep.existence, drop.existence)
+        if keep.record is not None and drop.record is not None:
+            keep.record.absorb(drop.record, self._poses)
         keep.surface_views = (keep.surface_views + drop.surface_views)[-SURFACE_VIEWS:]
         keep.first_seen_s = min(keep.first_seen_s, drop.first_seen_s)
         keep.last_seen_s = max(keep.last_seen_s, drop.last_seen_s)
@@ -189,6 +211,29 @@ class ObjectMap:
                 low, high = sorted((keep_id, sum(pair) - drop_id))
                 self.seen_apart[low, high] += times
         self.forget(drop_id)
+
+    def split(self, landmark_id: int, new_id: int, words: Collection[str]) -> Thing:
+        """Let a new thing take the observations of some words from one that was seen under several at once.
+
+        Raises:
+            UnknownLandmarkError: no such landmark.
+            MapError: no clouds are kept, or it has no observation of these words, or no others.
+        """
+        thing = self[landmark_id]
+        mine = set(thing.record.words) if thing.record is not None else set()
+        if thing.record is None or not mine & set(words) or not mine - set(words):
+            raise MapError(f"landmark {landmark_id}: seen as {sorted(mine)}, cannot be split by the words {sorted(words)}")
+        new = Thing(new_id, thing.first_seen_s, thing.last_seen_s, np.zeros(self.embedding_size), record=thing.record.taken(words))
+        new.weights = {word: weight for word, weight in thing.weights.items() if word in words}
+        thing.weights = {word: weight for word, weight in thing.weights.items() if word not in words}
+        thing.observations, new.observations = len(thing.record), len(new.record or ())
+        new.existence, new.cov_world = thing.existence, thing.cov_world
+        new.surface_views, new.looks = list(thing.surface_views), list(thing.looks)
+        for one in (thing, new):
+            one.version += 1
+            one.changed()
+        self.things[new_id] = new
+        return new
 
     def rename(self, new_id: int, old: Thing) -> None:
         """Let the thing ``new_id`` go on as ``old``, which left the map: what was known of it still holds, but its place."""
@@ -213,6 +258,11 @@ class ObjectMap:
         del self.things[self[landmark_id].id]
         for pair in [pair for pair in self.seen_apart if landmark_id in pair]:
             del self.seen_apart[pair]
+
+    def clouds_of_words(self, thing: Thing) -> dict[str, Cloud]:
+        """Word -> the points that were seen under it, world frame; "" for those of no class."""
+        record = thing.record
+        return {} if record is None else {word: record.cloud_of(word, self._poses) for word in record.counts()}
 
     def relabel(self, landmark_id: int, label: str, embedding: FloatArray, category: str = "") -> None:
         """Set the label of a thing, its unit embedding (D,) and the plain word for it, whatever the detector says."""
@@ -252,18 +302,28 @@ class ObjectMap:
             across_m=np.array([thing.across_m() for thing in things]).reshape(len(ids), 2),
             names=tuple(thing.label for thing in things),
             categories=tuple(thing.fixed_category for thing in things),
+            clouds=tuple(self.cloud(thing) for thing in things) if self.clouds.enabled else (),
         )
+
+    def cloud(self, thing: Thing) -> Cloud:
+        """The points of a thing, world frame, as the poses of the last keyframe have it; none where no clouds are kept."""
+        return thing.record.cloud(self._poses) if thing.record is not None else Cloud(np.zeros((0, 3)))
 
     def _row(self, landmark_id: int, p_world: FloatArray, cov_world: FloatArray) -> Landmark:
         thing = self[landmark_id]
         thing.cov_world = cov_world
+        cloud = self.cloud(thing)
+        size_m = thing.size_m()
+        if len(cloud):  # the middle of all that was seen, not the mean of the middles of what each view showed
+            low, high = _inner_extent(cloud.p_world, share=0.01)
+            p_world, size_m = 0.5 * (low + high), high - low
         return Landmark(
             id=landmark_id,
             label=thing.label,
             labels=thing.distribution(),
             position_m=p_world,
             covariance_m2=cov_world,
-            size_m=thing.size_m(),
+            size_m=size_m,
             embedding=thing.embedding(),
             observations=thing.observations,
             first_seen_s=thing.first_seen_s,
@@ -272,6 +332,7 @@ class ObjectMap:
             version=thing.version,
             existence=thing.existence,
             category=thing.fixed_category,
+            cloud_world=cloud.p_world,
         )
 
 

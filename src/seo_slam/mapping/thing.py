@@ -6,6 +6,7 @@ import numpy as np
 
 from seo_slam.geometry import FloatArray
 from seo_slam.mapping.existence import Sightings
+from seo_slam.mapping.observation_record import ObservationRecord
 from seo_slam.types import LandmarkState, heaviest
 
 AGENT_SHARE = 0.6
@@ -35,6 +36,7 @@ class Thing:
         fixed_label, fixed_embedding: the label an agent gave it, and (D,) its unit embedding.
         fixed_category: the plain word it gave beside it, "" if the label is one.
         cov_world: (3, 3) of its position, as last asked of the smoother.
+        record: its observations with their points; None where no clouds are kept.
     """
 
     id: int
@@ -56,6 +58,7 @@ class Thing:
     fixed_embedding: FloatArray | None = None
     fixed_category: str = ""
     cov_world: FloatArray = field(default_factory=lambda: UNKNOWN_SIGMA_M**2 * np.eye(3))
+    record: ObservationRecord | None = None
     _size_m: FloatArray | None = None
     _across_m: FloatArray | None = None
     _words: dict[str, float] | None = None
@@ -113,7 +116,7 @@ class Thing:
     def embedding(self) -> FloatArray:
         """(D,) unit vector of the words and an agent's word, by their shares; zeros while unnamed."""
         if self._embedding is None:
-            self._embedding = _unit(self.embedding_sum)
+            self._embedding = self.record.feature() if self.record else _unit(self.embedding_sum)
             if self.fixed_embedding is not None:
                 self._embedding = _unit((1.0 - AGENT_SHARE) * self._embedding + AGENT_SHARE * self.fixed_embedding)
         return self._embedding

@@ -12,7 +12,6 @@ import numpy as np
 from seo_slam.camera import Camera
 from seo_slam.config import LiftingSettings
 from seo_slam.geometry import FloatArray
-from seo_slam.interfaces import Embedder
 from seo_slam.perception.boxes import truncated_sides
 from seo_slam.perception.fusion import coincident, distinct
 from seo_slam.perception.hidden_sides import hidden_sides
@@ -33,15 +32,16 @@ class _Lifted:
     cloud: FloatArray
 
 
-def observe(detections: Detections, frame: Frame, settings: LiftingSettings, embedder: Embedder) -> tuple[Observations, tuple[str, ...]]:
+def observe(detections: Detections, frame: Frame, settings: LiftingSettings) -> tuple[Observations, tuple[str, ...]]:
     """Measure every detected object in 3D.
 
     Returns:
-        The observations, camera frame, and warnings in words (objects left out for want of depth are counted, not named).
+        The observations, camera frame, without embeddings (``features`` makes them), and warnings in words (objects left out for want of
+        depth are counted, not named).
     """
     chosen = np.flatnonzero((detections.scores >= settings.min_score) & distinct(detections, settings.duplicate_iou))
     if not len(chosen):
-        return Observations.empty(embedder.size), ()
+        return Observations.empty(), ()
     boxes = detections.boxes_px
     truncated = truncated_sides(boxes, frame.camera.width, frame.camera.height)
     rows: list[int] = []
@@ -57,7 +57,7 @@ def observe(detections: Detections, frame: Frame, settings: LiftingSettings, emb
     left_out = len(chosen) - len(rows)
     warnings = (f"{left_out} of {len(chosen)} detections have too little depth to be placed",) if left_out else ()
     if not rows:
-        return Observations.empty(embedder.size), warnings
+        return Observations.empty(), warnings
     labels = tuple(detections.labels[row] for row in rows)
     observations = Observations(
         p_camera=np.array([one.p_camera for one in lifted]),
@@ -65,21 +65,13 @@ def observe(detections: Detections, frame: Frame, settings: LiftingSettings, emb
         size_m=np.array([one.size_m for one in lifted]),
         labels=labels,
         scores=detections.scores[rows].astype(np.float64),
-        embeddings=_embed(labels, embedder),
+        embeddings=np.zeros((len(rows), 0)),
         boxes_px=boxes[rows],
         truncated=truncated[rows],
         clouds=tuple(one.cloud for one in lifted),
         rows=np.array(rows, dtype=np.int64),
     )
     return (observations[~coincident(observations)] if settings.one_box_a_place else observations), warnings
-
-
-def _embed(labels: tuple[str | None, ...], embedder: Embedder) -> FloatArray:
-    out = np.zeros((len(labels), embedder.size))
-    named = [i for i, label in enumerate(labels) if label]
-    if named:
-        out[named] = embedder.embed_text([str(labels[i]) for i in named])
-    return out
 
 
 def _lift(box_px: FloatArray, mask: BoolArray | None, truncated: BoolArray, frame: Frame, settings: LiftingSettings) -> _Lifted | None:

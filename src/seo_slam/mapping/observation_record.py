@@ -1,0 +1,151 @@
+"""A landmark's list of observations: under which word, in which keyframe, with which points and feature (O of DualMap III-B)."""
+
+from collections import Counter
+from collections.abc import Collection, Sequence
+from typing import Self
+
+import numpy as np
+
+from seo_slam.geometry import FloatArray, inverse, transform_points
+from seo_slam.mapping.keyframed_cloud import KeyframedCloud
+from seo_slam.perception.cloud import Cloud
+from seo_slam.perception.voxels import cell_order, voxel_cells
+from seo_slam.types import IntArray, Landmark
+
+NULL = ""
+"""The word of observations that have none: segments of no class."""
+
+RESTORED = -1
+"""Keyframe of an observation that was made before this run: the smoother holds no measurement of it."""
+
+
+class ObservationRecord:
+    """Observations of one landmark; points and features are kept summed up a word, so that it can be split by words.
+
+    Attributes:
+        words: the word of each observation, oldest first (after a merge: those of the one that stays first).
+        keyframes: the number of the keyframe of each; ``RESTORED`` of those that a continued map knew of.
+    """
+
+    def __init__(self, voxel_m: float) -> None:
+        """Start with no observation; clouds hold one point a cube of ``voxel_m``."""
+        self._voxel_m = voxel_m
+        self.words: list[str] = []
+        self.keyframes: list[int] = []
+        self._clouds: dict[str, KeyframedCloud] = {}
+        self._features: dict[str, FloatArray] = {}
+        self._parts: list[Cloud] = []
+        self._whole = Cloud(np.zeros((0, 3)))
+
+    @classmethod
+    def restored(cls, landmark: Landmark, voxel_m: float, T_world_camera: FloatArray) -> Self:
+        """Take over a landmark of a map that is continued; its points are tied to the first keyframe, at ``T_world_camera``."""
+        record = cls(voxel_m)
+        named = [(word, round(share * landmark.observations)) for word, share in landmark.labels.items()]
+        words = [word for word, times in named for _ in range(times)] or [NULL] * landmark.observations
+        record.words, record.keyframes = words, [RESTORED] * len(words)
+        if words:
+            record._features[words[0]] = landmark.embedding * len(words)
+            record._clouds[words[0]] = KeyframedCloud(voxel_m)
+            p_camera = transform_points(inverse(T_world_camera), landmark.cloud_world.astype(np.float64))
+            record._clouds[words[0]].add(0, p_camera, T_world_camera[None])
+        return record
+
+    def __len__(self) -> int:
+        return len(self.words)
+
+    def add(self, word: str | None, keyframe: int, feature: FloatArray, p_camera: FloatArray, poses: FloatArray) -> None:
+        """Append an observation.
+
+        Args:
+            word: what it was seen as; None for a segment of no class.
+            keyframe: row of ``poses`` that it was seen from.
+            feature: (D,) unit vector.
+            p_camera: (M, 3) its points.
+            poses: (T, 4, 4) all keyframes' ``T_world_camera``.
+        """
+        key = word or NULL
+        self.words.append(key)
+        self.keyframes.append(keyframe)
+        self._features[key] = self._features[key] + feature if key in self._features else feature.copy()
+        self._clouds.setdefault(key, KeyframedCloud(self._voxel_m)).add(keyframe, p_camera, poses)
+
+    def counts(self) -> Counter[str]:
+        """How many observations each word has."""
+        return Counter(self.words)
+
+    def majority(self) -> float:
+        """Share of all observations that the most frequent word has."""
+        return max(self.counts().values()) / len(self.words) if self.words else 0.0
+
+    def feature(self) -> FloatArray:
+        """(D,) unit mean of all observations' features: averaging with the number of earlier observations as weight (III-B2)."""
+        total = np.sum(list(self._features.values()), axis=0)
+        norm = float(np.linalg.norm(total))
+        return np.asarray(total / norm if norm > 0 else total, dtype=np.float64)
+
+    def cloud(self, poses: FloatArray) -> Cloud:
+        """The points of all observations, world frame; the same object until they change."""
+        parts = [cloud.world(poses) for cloud in self._clouds.values()]
+        if len(parts) == 1:
+            return parts[0]
+        if len(parts) != len(self._parts) or any(new is not old for new, old in zip(parts, self._parts, strict=True)):
+            self._parts, self._whole = parts, Cloud(_one_a_voxel(parts, self._voxel_m))
+        return self._whole
+
+    def seen_at_once(self, window: int) -> dict[tuple[str, str], int]:
+        """In how many of the newest ``window`` keyframes two words (neither of them null) were observed together."""
+        newest = sorted(set(self.keyframes) - {RESTORED})[-window:]
+        oldest = newest[0] if newest else 0
+        at: dict[int, set[str]] = {}
+        for word, keyframe in zip(reversed(self.words), reversed(self.keyframes), strict=True):
+            if keyframe >= oldest and word != NULL:
+                at.setdefault(keyframe, set()).add(word)
+        pairs: Counter[tuple[str, str]] = Counter()
+        for seen in at.values():
+            rising = sorted(seen)
+            pairs.update((a, b) for n, a in enumerate(rising) for b in rising[n + 1 :])
+        return dict(pairs)
+
+    def of_words(self, words: Collection[str]) -> IntArray:
+        """(M,) which of the smoother's measurements of it are of these words, counted from 0."""
+        measured = [word for word, keyframe in zip(self.words, self.keyframes, strict=True) if keyframe != RESTORED]
+        return np.array([n for n, word in enumerate(measured) if word in words], dtype=np.int64)
+
+    def cloud_of(self, word: str, poses: FloatArray) -> Cloud:
+        """The points of the observations of one word."""
+        return self._clouds[word].world(poses)
+
+    def taken(self, words: Collection[str]) -> Self:
+        """Move the observations of these words into a record of their own and return it."""
+        out = type(self)(self._voxel_m)
+        pairs = list(zip(self.words, self.keyframes, strict=True))
+        out.words, out.keyframes = [w for w, _ in pairs if w in words], [k for w, k in pairs if w in words]
+        self.words, self.keyframes = [w for w, _ in pairs if w not in words], [k for w, k in pairs if w not in words]
+        for word in words:
+            if word in self._clouds:
+                out._clouds[word], out._features[word] = self._clouds.pop(word), self._features.pop(word)
+        self._parts = []
+        return out
+
+    def absorb(self, other: Self, poses: FloatArray) -> None:
+        """Append the observations of another record."""
+        self.words += other.words
+        self.keyframes += other.keyframes
+        for word, cloud in other._clouds.items():
+            own = self._clouds.get(word)
+            self._clouds[word] = cloud if own is None else own.merged(cloud, poses)
+            self._features[word] = self._features.get(word, 0.0) + other._features[word]
+        self._parts = []
+
+    @property
+    def nbytes(self) -> int:
+        """Memory of the points."""
+        return sum(cloud.nbytes for cloud in self._clouds.values())
+
+
+def _one_a_voxel(parts: Sequence[Cloud], voxel_m: float) -> FloatArray:
+    """All points, but of those in one cube only the first."""
+    points = np.concatenate([part.p_world for part in parts])
+    order, starts = cell_order(voxel_cells(points, voxel_m))
+    return np.asarray(points[np.sort(order[starts])])

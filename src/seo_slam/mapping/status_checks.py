@@ -1,0 +1,149 @@
+"""DualMap's checks of each object by itself, in place of merging in 3D: stability and splitting (III-B3)."""
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from seo_slam.association.overlap import overlap_shares
+from seo_slam.geometry import FloatArray
+from seo_slam.interfaces import Smoother
+from seo_slam.mapping.edits import merge_landmarks
+from seo_slam.mapping.object_map import ObjectMap
+from seo_slam.mapping.sight import DepthView
+from seo_slam.mapping.thing import Thing
+from seo_slam.perception.cloud import Cloud
+from seo_slam.records import MapEvent
+from seo_slam.settings.concrete import OverlapSettings, StatusSettings
+from seo_slam.types import IntArray
+
+SOURCE = "status check"
+
+
+class StatusChecks:
+    """Decides about a landmark from the distribution of the words in its observation list alone."""
+
+    def __init__(self, settings: StatusSettings, overlap: OverlapSettings, object_map: ObjectMap) -> None:
+        """Watch over the things of ``object_map``, which must keep clouds."""
+        self._settings = settings
+        self._overlap = overlap
+        self._map = object_map
+        self._keyframe = -1
+        self._last_seen: dict[int, int] = {}
+
+    def step(self, view: DepthView, hits: IntArray, smoother: Smoother) -> list[MapEvent]:
+        """Check what was seen in a keyframe, and what has not been seen for long.
+
+        Args:
+            view: the keyframe; only its stamp is looked at.
+            hits: ids of the landmarks observed in it.
+            smoother: landmarks that are split or leave the map do so there, too.
+
+        Returns:
+            What became stable, was split, merged or removed.
+        """
+        self._keyframe += 1
+        seen = [i for i in dict.fromkeys(hits.tolist()) if i in self._map]
+        for landmark_id in (*seen, *(i for i in self._map.things if i not in self._last_seen)):
+            self._last_seen[landmark_id] = self._keyframe
+        events: list[MapEvent] = []
+        if self._settings.split:
+            events += [event for landmark_id in seen for event in self._split(self._map[landmark_id], smoother)]
+        events += [event for landmark_id in seen for event in self._becomes_stable(self._map[landmark_id])]
+        events += self._check_silent(view.timestamp_s, smoother)
+        if self._settings.merge and self._keyframe % self._settings.merge_every == 0:
+            events += self._merge_overlapping(smoother)
+        return events
+
+    def passes(self, thing: Thing) -> bool:
+        """Whether a thing was observed often enough, and mostly as one and the same (the paper's stability check)."""
+        record = thing.record
+        enough = record is not None and len(record) >= self._settings.observations
+        return enough and record is not None and record.majority() >= self._settings.majority - 1e-9
+
+    def _becomes_stable(self, thing: Thing) -> list[MapEvent]:
+        if thing.state == "stable" or not self.passes(thing):
+            return []
+        thing.state, thing.existence = "stable", 1.0
+        thing.version += 1
+        return [MapEvent("stable", thing.id, thing.label)]
+
+    def _check_silent(self, now_s: float, smoother: Smoother) -> list[MapEvent]:
+        """Remove what is not seen any more and does not pass; what passes is not asked again until it is seen."""
+        events = []
+        for landmark_id, last in list(self._last_seen.items()):
+            if landmark_id not in self._map:
+                del self._last_seen[landmark_id]
+                continue
+            thing = self._map[landmark_id]
+            long_ago = self._keyframe - last > self._settings.silent_keyframes
+            if long_ago and now_s - thing.last_seen_s >= self._settings.silent_seconds and not self.passes(thing):
+                smoother.remove(landmark_id)
+                self._map.forget(landmark_id)
+                del self._last_seen[landmark_id]
+                events.append(MapEvent("removed", landmark_id, thing.label, SOURCE))
+        return events
+
+    def _split(self, thing: Thing, smoother: Smoother) -> list[MapEvent]:
+        """Part a thing that was seen under two words at once in many of the newest keyframes."""
+        record = thing.record
+        if record is None:
+            return []
+        together = record.seen_at_once(self._settings.window_keyframes)
+        often = [pair for pair, times in together.items() if times > self._settings.split_keyframes]
+        if not often:
+            return []
+        pair = max(often, key=lambda two: (together[two], two))
+        counts = record.counts()
+        stays, goes = sorted(pair, key=lambda word: (-counts[word], word))
+        words = {goes, *(word for word in counts if word not in pair and self._is_nearer(thing, word, goes, stays))}
+        moved = record.of_words(words)
+        if not len(moved) or len(moved) == len(record.of_words(set(counts))):  # a continued map's part has no measurement of its own
+            return []
+        new_id = int(self._map.new_ids(1)[0])
+        smoother.split(thing.id, new_id, moved)
+        new = self._map.split(thing.id, new_id, words)
+        self._last_seen[new_id] = self._keyframe
+        new.last_seen_s = thing.last_seen_s
+        return [MapEvent("split", new_id, f"{thing.label} | {new.label}", SOURCE, other_id=thing.id)]
+
+    def _is_nearer(self, thing: Thing, word: str, goes: str, stays: str) -> bool:
+        """Whether the points of a word (or of no word) overlap more with one side of a split than with the other."""
+        clouds = self._map.clouds_of_words(thing)
+        shares = overlap_shares([clouds[word].p_world], [clouds[goes], clouds[stays]], self._overlap.distance_m)[0]
+        return bool(shares[0] > shares[1])
+
+    def _merge_overlapping(self, smoother: Smoother) -> list[MapEvent]:
+        """Fold landmarks whose clouds overlap: connected components of pairs, each into its most observed one (optional, as in the code)."""
+        things = [thing for thing in self._map.things.values() if thing.record is not None]
+        clouds = [self._map.cloud(thing) for thing in things]
+        events = []
+        for group in _groups(self._pairs(clouds), len(things)):
+            first, *others = sorted((things[n] for n in group), key=lambda thing: (-thing.observations, thing.id))
+            events += [merge_landmarks(first.id, other.id, self._map, smoother, SOURCE) for other in others]
+        return events
+
+    def _pairs(self, clouds: Sequence[Cloud]) -> list[tuple[int, int]]:
+        if not clouds:
+            return []
+        points: list[FloatArray] = [cloud.p_world for cloud in clouds]
+        share = overlap_shares(points, clouds, self._overlap.distance_m)
+        either = np.triu(np.maximum(share, share.T), k=1) > self._settings.merge_overlap
+        return [(int(a), int(b)) for a, b in zip(*np.nonzero(either), strict=True)]
+
+
+def _groups(pairs: Iterable[tuple[int, int]], count: int) -> list[list[int]]:
+    """Connected components of more than one member."""
+    parent = list(range(count))
+
+    def root(n: int) -> int:
+        while parent[n] != n:
+            n = parent[n]
+        return n
+
+    for a, b in pairs:
+        low, high = sorted((root(a), root(b)))
+        parent[high] = low
+    members: dict[int, list[int]] = {}
+    for n in range(count):
+        members.setdefault(root(n), []).append(n)
+    return [group for group in members.values() if len(group) > 1]

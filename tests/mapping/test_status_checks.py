@@ -1,0 +1,129 @@
+"""DualMap's status checks: what is seen often as one thing stays, what is noise goes, what is two is split (III-B3)."""
+
+import numpy as np
+import pytest
+from checked_map import AT, CheckedMap
+
+from seo_slam.backends.gtsam_smoother import GtsamSmoother
+from seo_slam.errors import MapError
+
+ASIDE = AT + [0.0, 0.12, 0.0]
+ELSEWHERE = AT + [0.0, -0.6, 0.0]
+
+
+def watched(world, times, *seen):
+    """See the same again and again; everything that happened."""
+    return [event for _ in range(times) for event in world.see(*seen)]
+
+
+def test_a_thing_is_stable_once_it_was_observed_often_enough():
+    world = CheckedMap(observations=8)
+    assert world.see((None, AT, "cup")) == []
+    assert watched(world, 6, (0, AT, "cup")) == []
+    assert world.see((0, AT, "cup")) == [("stable", 0)]
+    assert world.row(0).state == "stable"
+    assert watched(world, 5, (0, AT, "cup")) == []
+
+
+def test_two_thirds_must_be_one_word():
+    world = CheckedMap(observations=6, split=False)
+    world.see((None, AT, "cup"))
+    happened = []
+    for word in ("bowl", "cup", "bowl", "cup", "bowl", "cup", "bowl"):
+        happened += world.see((0, AT, word))
+    assert happened == []  # 4 of 8
+    assert watched(world, 3, (0, AT, "cup")) == []  # 7 of 11
+    assert world.see((0, AT, "cup")) == [("stable", 0)]  # 8 of 12
+
+
+def test_no_word_counts_as_a_class():
+    world = CheckedMap(observations=6)
+    world.see((None, AT, None))
+    assert watched(world, 5, (0, AT, None)) == [("stable", 0)]
+    assert world.row(0).label == ""
+    assert np.linalg.norm(world.row(0).embedding) > 0 or not world.row(0).embedding.any()
+
+
+def test_what_was_seen_too_seldom_goes_after_a_while():
+    world = CheckedMap(observations=8, silent_keyframes=10, silent_seconds=2.0)
+    world.see((None, AT, "cup"), (None, ELSEWHERE, "book"))
+    happened = watched(world, 10, (1, ELSEWHERE, "book"))
+    assert ("removed", 0) not in happened
+    assert world.see((1, ELSEWHERE, "book")) == [("removed", 0)]
+    assert world.ids() == [1]
+    assert world.smoother.positions()[0].tolist() == [1]
+
+
+def test_silence_is_counted_in_seconds_too():
+    world = CheckedMap(silent_keyframes=3, silent_seconds=10.0)
+    world.see((None, AT, "cup"), (None, ELSEWHERE, "book"))
+    assert ("removed", 0) not in watched(world, 19, (1, ELSEWHERE, "book"))
+    assert world.see((1, ELSEWHERE, "book")) == [("removed", 0)]
+
+
+def test_what_is_stable_stays_when_it_is_not_in_view():
+    world = CheckedMap(observations=4, silent_keyframes=3, silent_seconds=0.0)
+    world.see((None, AT, "cup"), (None, ELSEWHERE, "book"))
+    watched(world, 5, (0, AT, "cup"), (1, ELSEWHERE, "book"))
+    watched(world, 20, (1, ELSEWHERE, "book"))
+    assert world.ids() == [0, 1]
+
+
+@pytest.mark.parametrize("smoother", [None, GtsamSmoother], ids=["given poses", "gtsam"])
+def test_two_things_taken_for_one_are_split_by_their_words(smoother):
+    world = CheckedMap(smoother() if smoother else None, split_keyframes=6)
+    world.see((None, AT, "cup"))
+    both = ((0, AT, "cup"), (0, ASIDE, "book"))
+    assert watched(world, 6, *both) == []
+    assert world.see(*both)[0] == ("split", 1)
+    cup, book = world.row(0), world.row(1)
+    assert (cup.label, book.label) == ("cup", "book")
+    assert np.allclose(cup.position_m, AT, atol=0.02)
+    assert np.allclose(book.position_m, ASIDE, atol=0.02)
+    ids, p_world = world.smoother.positions()
+    assert ids.tolist() == [0, 1]
+    assert np.allclose(p_world, [AT, ASIDE], atol=1e-3)
+    assert (cup.observations, book.observations) == (8, 7)
+
+
+def test_without_splitting_they_stay_one():
+    world = CheckedMap(split=False)
+    world.see((None, AT, "cup"))
+    watched(world, 12, (0, AT, "cup"), (0, ASIDE, "book"))
+    assert world.ids() == [0]
+
+
+def test_words_that_take_turns_are_one_thing():
+    world = CheckedMap(split_keyframes=2)
+    world.see((None, AT, "cup"))
+    for word in ("mug", "cup") * 8:
+        assert ("split", 1) not in world.see((0, AT, word))
+
+
+def test_observations_of_no_class_go_with_what_they_overlap():
+    world = CheckedMap(split_keyframes=3)
+    world.see((None, AT, "cup"))
+    watched(world, 2, (0, ASIDE, None))
+    watched(world, 4, (0, AT, "cup"), (0, ASIDE, "book"))
+    assert world.ids() == [0, 1]
+    assert world.objects[1].record.counts() == {"book": 4, "": 2}
+
+
+def test_what_overlaps_can_be_merged_in_3d():
+    apart = CheckedMap(merge=True, merge_every=1)
+    apart.see((None, AT, "cup"), (None, ELSEWHERE, "cup"))
+    assert apart.ids() == [0, 1]
+    same = CheckedMap(merge=True, merge_every=1)
+    assert same.see((None, AT, "cup"), (None, AT + 0.001, "mug")) == [("merged", 1)]
+    assert same.ids() == [0]
+    assert same.objects[0].record.counts() == {"cup": 1, "mug": 1}
+
+
+def test_a_split_needs_both_sides():
+    world = CheckedMap()
+    world.see((None, AT, "cup"))
+    with pytest.raises(MapError, match="seen as \\['cup'\\]"):
+        world.objects.split(0, 9, {"book"})
+    with pytest.raises(MapError, match="cannot be split"):
+        world.objects.split(0, 9, {"cup"})
+    assert world.ids() == [0]
