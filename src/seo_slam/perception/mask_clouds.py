@@ -55,7 +55,7 @@ def mask_clouds(
     z = depth_m.ravel()[pixels].astype(np.float64)
     owners = labels.ravel()[pixels]
     p_camera = np.empty((len(pixels), 3))
-    np.multiply(camera.rays().reshape(-1, 2)[pixels], z[:, None], out=p_camera[:, :2])
+    np.multiply(np.take(camera.rays().reshape(-1, 2), pixels, axis=0), z[:, None], out=p_camera[:, :2])
     p_camera[:, 2] = z
     order, starts = cell_order(voxel_cells(p_camera, settings.voxel_m), owners)
     means, owners = voxel_means(p_camera, order, starts), owners[order[starts]]

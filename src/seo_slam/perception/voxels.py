@@ -27,33 +27,44 @@ def cell_order(cells: IntArray, owners: IntArray | None = None) -> tuple[IntArra
     M = len(cells)
     if not M:
         return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
-    low = cells.min(axis=0)
-    spans = [int(owners.max()) + 1 if owners is not None else 1, *(int(s) for s in cells.max(axis=0) - low + 1)]
-    if math.prod(spans) * M >= 2**63:  # too wide for one number: metres of noise at a millimetre, say
+    low, spans = zip(*(_range(cells[:, axis]) for axis in range(3)), strict=True)
+    bits = M.bit_length()
+    if math.prod(spans) * (int(owners.max()) + 1 if owners is not None else 1) >= 2 ** (63 - bits):  # metres in cells of a micrometre
         return _order_of_columns(cells, owners)
     x, y, z = (cells[:, axis] - low[axis] for axis in range(3))
-    key = (x * spans[2] + y) * spans[3] + z
+    key = (x * spans[1] + y) * spans[2] + z
     if owners is not None:
-        key += owners * math.prod(spans[1:])
-    # The row is the last digit of the number: sorting it is several times faster than sorting the rows by it, and stable as well.
-    key *= M
-    key += np.arange(M)
+        key += owners * math.prod(spans)
+    # The row is the last digits of the number: sorting it is several times faster than sorting rows by it, and stable as well.
+    key <<= bits
+    key |= np.arange(M)
     key.sort()
-    group, order = np.divmod(key, M)
-    return order, _starts(group[1:] != group[:-1])
+    order = key & ((1 << bits) - 1)
+    key >>= bits
+    return order, _starts(key[1:] != key[:-1])
 
 
 def voxel_means(p_m: FloatArray, order: IntArray, starts: IntArray, weights: FloatArray | None = None) -> FloatArray:
     """Return (V, 3) the mean of the points (M, 3) of each group of ``cell_order``, weighted by (M,) if given."""
-    if not len(starts):
-        return np.zeros((0, 3))
-    rows = p_m[order]
-    if weights is None:
-        counts = np.diff(starts, append=len(order)).astype(np.float64)
-        return np.asarray(np.add.reduceat(rows, starts, axis=0) / counts[:, None], dtype=np.float64)
-    share = weights[order].astype(np.float64)
-    total = np.add.reduceat(share, starts)
-    return np.asarray(np.add.reduceat(rows * share[:, None], starts, axis=0) / total[:, None], dtype=np.float64)
+    rows = np.take(p_m, order, axis=0)
+    sizes = np.diff(starts, append=len(order))
+    out, share = np.empty((len(starts), 3)), None if weights is None else np.take(weights, order)
+    total = sizes.astype(np.float64) if share is None else sums_of_groups(share, starts)
+    for axis in range(3):  # a column at a time: numpy adds up long rows fast, and many short ones slowly
+        column = np.ascontiguousarray(rows[:, axis]) if share is None else rows[:, axis] * share
+        out[:, axis] = sums_of_groups(column, starts) / total
+    return out
+
+
+def sums_of_groups(ordered: FloatArray, starts: IntArray) -> FloatArray:
+    """Return (V,) the sum of each group of values (M,) that are in the order of ``cell_order``."""
+    return np.add.reduceat(ordered, starts) if len(starts) else np.zeros(0)
+
+
+def _range(column: IntArray) -> tuple[int, int]:
+    """Least value, and how many values there may be from it to the largest."""
+    least = int(column.min())
+    return least, int(column.max()) - least + 1
 
 
 def _order_of_columns(cells: IntArray, owners: IntArray | None) -> tuple[IntArray, IntArray]:
