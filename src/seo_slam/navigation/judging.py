@@ -1,0 +1,89 @@
+"""Which matches a search trusts (DualMap IV-C)."""
+
+import numpy as np
+
+from seo_slam.abstraction.abstract_map import AbstractMap, Anchor
+from seo_slam.geometry import FloatArray
+from seo_slam.navigation.local_match import Match, center_of, is_at, ranked
+from seo_slam.navigation.outcomes import Candidate
+from seo_slam.navigation.query import Query, room_at, room_ids
+from seo_slam.navigation.senses import Senses
+from seo_slam.settings.navigation import NavigationSettings
+
+_BESIDE_M = 0.1  # a footprint's edge is not known better
+_NEXT_TO_M = 0.5  # what stood next to an anchor is looked for beside it
+_SAME_THING_M = 0.3
+
+
+class Judge:
+    """Weighs what was seen in a search against what was asked for.
+
+    A match is confident if it was seen often enough, is at the anchor that was gone to, and scores at least what the first candidate did
+    less the margin; the first candidate's score stays the measure through all attempts (the paper), so that a search does not
+    settle for less and less. Nothing below ``least_score`` is a match.
+
+    A match elsewhere is clear if it scores so too, was seen more often and from near, and is in the room that was named, if one was. The
+    thing is likeliest where the map has it, and a look-alike met on the way is not: so by default clear matches count only after
+    the first candidate has turned out wrong.
+
+    Attributes:
+        required: score of a match.
+        rejected: landmarks that turned out to be something else.
+    """
+
+    def __init__(self, query: Query, feature: FloatArray, first_score: float, senses: Senses, settings: NavigationSettings) -> None:
+        """Take the query with its feature (D,), and the first candidate's score."""
+        self.required = max(first_score - settings.margin, settings.least_score)
+        self.rejected: set[int] = set()
+        self._query = query
+        self._feature = feature
+        self._senses = senses
+        self._settings = settings
+
+    def best_at(self, anchor: Anchor, candidate: Candidate | None = None) -> Match | None:
+        """Return what is most like the query at an anchor, confident or not; None if nothing was seen there."""
+        beside_m = _NEXT_TO_M if candidate is not None and _stood_beside(anchor, candidate) else _BESIDE_M
+        at = [row for row in self._senses.landmarks if is_at(row, anchor, self._settings.box_growth, beside_m)]
+        rows = ranked([row for row in at if row.id not in self.rejected], self._feature)
+        often = [row for row in rows if self._senses.observations(row.landmark) >= self._settings.local_observations]
+        return next(iter(often or rows), None)
+
+    def confident_at(self, anchor: Anchor, candidate: Candidate | None = None) -> Match | None:
+        """Return the confident match at an anchor, if there is one."""
+        best = self.best_at(anchor, candidate)
+        return best if best is not None and self._holds(best, self._settings.local_observations) else None
+
+    def clear(self, abstract_map: AbstractMap) -> Match | None:
+        """Return the best clear match anywhere, if there is one."""
+        for row in ranked([row for row in self._senses.landmarks if row.id not in self.rejected], self._feature):
+            near = self._senses.nearest_m(row.landmark) <= self._settings.clear_range_m
+            if near and self._holds(row, self._settings.clear_observations) and self._in_room(row, abstract_map):
+                return row
+        return None
+
+    def best(self) -> Match | None:
+        """Return what is most like the query of all that was seen."""
+        return next(iter(ranked(self._senses.landmarks, self._feature)), None)
+
+    def again(self, match: Match) -> Match | None:
+        """Return a match as the map has it by now: the same landmark, or the one in its place that fits best; None if it fits no more."""
+        place = center_of(match.landmark)
+        rows = ranked([row for row in self._senses.landmarks if row.id not in self.rejected], self._feature)
+        here = [row for row in rows if row.landmark.id == match.landmark.id]
+        here = here or [row for row in rows if np.linalg.norm(center_of(row.landmark) - place) <= _SAME_THING_M]
+        return next((row for row in here if row.score >= self.required), None)
+
+    def _holds(self, match: Match, observations: int) -> bool:
+        return match.score >= self.required and self._senses.observations(match.landmark) >= observations
+
+    def _in_room(self, match: Match, abstract_map: AbstractMap) -> bool:
+        if self._query.room is None or abstract_map.layout is None:
+            return True
+        xy = center_of(match.landmark)[:2]
+        return room_at(abstract_map.layout, xy, xy) in room_ids(abstract_map.rooms, self._query.room)
+
+
+def _stood_beside(anchor: Anchor, candidate: Candidate) -> bool:
+    """Whether what scored stood next to the anchor, not on it."""
+    labels = [volatile.relation for volatile in anchor.volatiles if volatile.label == candidate.because]
+    return candidate.volatile and bool(labels) and all(relation == "next to" for relation in labels)

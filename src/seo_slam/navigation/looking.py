@@ -1,0 +1,204 @@
+"""Where to stand and where to turn, so that the top of an anchor comes into view, or so that the robot is before a thing."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from seo_slam.abstraction.abstract_map import Anchor, Layout
+from seo_slam.camera import Camera
+from seo_slam.geometry import FloatArray
+from seo_slam.navigation.motion import turned_by, wrapped
+from seo_slam.navigation.parts import Grid
+from seo_slam.navigation.query import room_at
+from seo_slam.types import BoolArray
+
+_FARTHEST_M = 2.4  # from a footprint, to look at it
+_NEAR_M, _FAR_M = 0.5, 1.7  # the distance to look from is between these
+_STEP_M = 0.1
+_EDGE_RAD = 0.05  # what is so near to the edge of the image does not count as in view
+_APART_M = 0.4  # two places to look from
+_OTHER_SIDE_RAD = 0.7  # seen from the anchor, another view is at least so far round
+_PLACES = 6
+_TOO_NEAR, _TOO_FAR, _WAY, _WALL, _OTHER_ROOM = 2.0, 0.7, 0.1, 3.0, 3.0  # costs: by the metre, and of another room
+_STOP_STEP_M, _STOP_APART_M = 0.05, 0.15
+_SHARE_OF_VIEW = 0.75  # one look takes in so much of the view's width
+
+
+@dataclass(frozen=True, slots=True)
+class Eye:
+    """A camera on a robot, as far as looking goes.
+
+    Attributes:
+        z_m: its height in the world frame.
+        up_rad, down_rad: elevation of the upper and lower edge of its view; negative is down.
+        half_width_rad: half of its view across.
+    """
+
+    z_m: float
+    up_rad: float
+    down_rad: float
+    half_width_rad: float
+
+    @classmethod
+    def of(cls, T_world_camera: FloatArray, camera: Camera) -> "Eye":
+        """Return the eye of a camera at a pose (4, 4)."""
+        pitch = float(np.arcsin(np.clip(T_world_camera[2, 2], -1.0, 1.0)))
+        above, below = np.arctan(camera.cy / camera.fy), np.arctan((camera.height - 1 - camera.cy) / camera.fy)
+        half_width = np.arctan(min(camera.cx, camera.width - 1 - camera.cx) / camera.fx)
+        return cls(float(T_world_camera[2, 3]), pitch + float(above), pitch - float(below), float(half_width))
+
+    def nearest_m(self, z_m: float) -> float:
+        """Return the distance on the floor from which on something at a height comes into view."""
+        over = self.z_m - z_m
+        steepest = self.down_rad + _EDGE_RAD if over > 0 else self.up_rad - _EDGE_RAD
+        if over * steepest >= 0:  # it is on the side of the view that reaches beyond the horizon: seen from afar only, if at all
+            return _FAR_M
+        return float(abs(over) / np.tan(abs(steepest)))
+
+
+def viewpoints(anchor: Anchor, eye: Eye, from_xy: FloatArray, grid: Grid, layout: Layout, before: Sequence[FloatArray] = ()) -> FloatArray:
+    """Return (N, 2) places on the free floor to look at an anchor from, best first, connected with where the robot is.
+
+    A good place is as near as the whole near edge of the top is still in view, in the anchor's own room, without a wall between, and not
+    a long way off.
+
+    Args:
+        anchor: what to look at.
+        eye: of the robot.
+        from_xy: (2,) where the robot is.
+        grid: the free floor.
+        layout: its walls and rooms.
+        before: places it was looked at from; another one is from another side.
+    """
+    low, high = anchor.bounds_world
+    xy = _free_around(low - _FARTHEST_M, high + _FARTHEST_M, _STEP_M, grid)
+    rows = anchor.footprint_world[:: max(len(anchor.footprint_world) // 64, 1)]
+    away = np.linalg.norm(xy[:, None] - rows, axis=2).min(axis=1, initial=np.inf)
+    best_m = float(np.clip(eye.nearest_m(anchor.support_z_m), _NEAR_M, _FAR_M))
+    kept = (away <= _FARTHEST_M) & _from_another_side(xy, anchor.xy_world, before)
+    xy, away = xy[kept], away[kept]
+    cost = _TOO_NEAR * np.maximum(best_m - away, 0.0) + _TOO_FAR * np.maximum(away - best_m, 0.0)
+    cost += _WAY * np.linalg.norm(xy - from_xy, axis=1) + _WALL * walls_between_m(xy, anchor, layout)
+    room = room_at(layout, low, high)
+    if room:
+        cost += _OTHER_ROOM * (rooms_of(xy, layout) != room)
+    return _best(xy, cost, from_xy, grid, _PLACES, _APART_M)
+
+
+def places_near(target_xy: FloatArray, within_m: float, from_xy: FloatArray, grid: Grid, layout: Layout) -> FloatArray:
+    """Return (N, 2) places to stop before a thing, best first: as near as the free floor allows, on the robot's side of walls.
+
+    Args:
+        target_xy: (2,) middle of the thing.
+        within_m: farthest place.
+        from_xy: (2,) where the robot is; it sees the thing from there.
+        grid: the free floor.
+        layout: its walls and rooms.
+    """
+    xy = _free_around(target_xy - within_m, target_xy + within_m, _STOP_STEP_M, grid)
+    away = np.linalg.norm(xy - target_xy, axis=1)
+    xy, away = xy[away <= within_m], away[away <= within_m]
+    cost = away + 0.5 * _WAY * np.linalg.norm(xy - from_xy, axis=1) + _WALL * _walls_m(xy, target_xy, layout)
+    here = int(rooms_of(from_xy[None], layout)[0])
+    if here:
+        rooms = rooms_of(xy, layout)
+        cost += _OTHER_ROOM * ((rooms != here) & (rooms > 0)) * (walls_along(from_xy, target_xy, layout) > 0)
+    return _best(xy, cost, from_xy, grid, _PLACES, _STOP_APART_M)
+
+
+def headings_over(anchor: Anchor, from_xy: FloatArray, eye: Eye) -> tuple[float, ...]:
+    """Return the headings in which an anchor is seen wholly from a place (2,): one, or several for one wider than the view."""
+    to = anchor.footprint_world - from_xy
+    middle_rad = float(np.arctan2(*(anchor.xy_world - from_xy)[::-1]))
+    off = (np.arctan2(to[:, 1], to[:, 0]) - middle_rad + np.pi) % (2.0 * np.pi) - np.pi
+    first, last = float(off.min()), float(off.max())
+    wide = 2.0 * _SHARE_OF_VIEW * eye.half_width_rad
+    count = max(int(np.ceil((last - first) / wide)), 1)
+    shares = (np.arange(count) + 0.5) / count
+    return tuple(wrapped(middle_rad + first + float(share) * (last - first)) for share in shares)
+
+
+def in_sight(anchors: Sequence[Anchor], from_xy: FloatArray, eye: Eye, range_m: float, layout: Layout) -> tuple[Anchor, ...]:
+    """Return the anchors that a turn on the spot brings into view: within a distance, not too near below, and behind no wall."""
+    found = []
+    for anchor in anchors:
+        away = float(np.linalg.norm(anchor.footprint_world - from_xy, axis=1).mean())
+        if eye.nearest_m(anchor.support_z_m) <= away <= range_m and walls_between_m(from_xy[None], anchor, layout)[0] <= layout.cell_m:
+            found.append(anchor)
+    return tuple(found)
+
+
+def heading_to(target_xy: FloatArray, from_xy: FloatArray) -> float:
+    """Return the heading from one point (2,) to another."""
+    way = target_xy - from_xy
+    return float(np.arctan2(way[1], way[0]))
+
+
+def nearest_turn(headings_rad: Sequence[float], yaw_rad: float) -> float:
+    """Return the heading that takes the smallest turn."""
+    return min(headings_rad, key=lambda heading: (abs(turned_by(yaw_rad, heading)), heading))
+
+
+def rooms_of(xy_world: FloatArray, layout: Layout) -> FloatArray:
+    """Return (N,) ids of the rooms that points (N, 2) are in, 0 for none."""
+    cells = layout.cells(xy_world)
+    inside = ((cells >= 0) & (cells < layout.rooms.shape)).all(axis=-1)
+    out = np.zeros(len(cells))
+    out[inside] = layout.rooms[tuple(cells[inside].T)]
+    return out
+
+
+def walls_along(a_world: FloatArray, b_world: FloatArray, layout: Layout) -> float:
+    """Return how many metres of wall lie on a straight line between two points (2,)."""
+    return float(_walls_m(a_world[None], b_world, layout)[0])
+
+
+def walls_between_m(xy_world: FloatArray, anchor: Anchor, layout: Layout) -> FloatArray:
+    """Return (N,) metres of wall between points (N, 2) and the middle of an anchor; the anchor's own cells are none."""
+    low, high = anchor.bounds_world
+    return _walls_m(xy_world, anchor.xy_world, layout, (low - layout.cell_m, high + layout.cell_m))
+
+
+def _walls_m(xy_world: FloatArray, target_xy: FloatArray, layout: Layout, but: tuple[FloatArray, FloatArray] | None = None) -> FloatArray:
+    if not len(xy_world):
+        return np.zeros(0)
+    way = target_xy - xy_world
+    lengths = np.linalg.norm(way, axis=1)
+    count = max(int(np.ceil(lengths.max() / (0.5 * layout.cell_m))), 1) + 1
+    points = xy_world[:, None] + way[:, None] * np.linspace(0.0, 1.0, count)[:, None]
+    cells = layout.cells(points)
+    inside = ((cells >= 0) & (cells < layout.walls.shape)).all(axis=-1)
+    wall = np.zeros(inside.shape, dtype=np.bool_)
+    wall[inside] = layout.walls[tuple(cells[inside].T)]
+    if but is not None:
+        wall &= ~((points >= but[0]) & (points <= but[1])).all(axis=-1)
+    return np.asarray(wall.mean(axis=1) * lengths)
+
+
+def _free_around(low: FloatArray, high: FloatArray, step_m: float, grid: Grid) -> FloatArray:
+    """(N, 2) free points of a lattice over a box; the lattice is that of the world, so that the same places come up again."""
+    ticks = [np.arange(np.ceil(a / step_m), np.floor(b / step_m) + 1) * step_m for a, b in zip(low, high, strict=True)]
+    xy = np.stack(np.meshgrid(*ticks, indexing="ij"), axis=-1).reshape(-1, 2)
+    return xy[grid.is_free(xy)] if len(xy) else xy
+
+
+def _from_another_side(xy: FloatArray, middle: FloatArray, before: Sequence[FloatArray]) -> BoolArray:
+    bearing = np.arctan2(xy[:, 1] - middle[1], xy[:, 0] - middle[0])
+    other = np.ones(len(xy), dtype=np.bool_)
+    for place in before:
+        off = (bearing - heading_to(place, middle) + np.pi) % (2.0 * np.pi) - np.pi
+        other &= np.abs(off) >= _OTHER_SIDE_RAD
+    return other
+
+
+def _best(xy: FloatArray, cost: FloatArray, from_xy: FloatArray, grid: Grid, most: int, apart_m: float) -> FloatArray:
+    """The cheapest places that can be come to and are not side by side."""
+    chosen: list[FloatArray] = []
+    start = grid.nearest_free(from_xy, np.inf)
+    for k in np.argsort(cost, kind="stable"):
+        if len(chosen) == most or start is None:
+            break
+        if all(np.linalg.norm(xy[k] - other) >= apart_m for other in chosen) and grid.same_part(start, xy[k]):
+            chosen.append(xy[k])
+    return np.array(chosen).reshape(-1, 2)

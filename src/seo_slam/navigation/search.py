@@ -1,0 +1,223 @@
+"""One search for one thing, from the first look around to the outcome (DualMap IV-C)."""
+
+from collections.abc import Callable, Generator
+
+import numpy as np
+
+from seo_slam.abstraction.abstract_map import Anchor
+from seo_slam.errors import NoPathError
+from seo_slam.geometry import FloatArray
+from seo_slam.navigation.judging import Judge
+from seo_slam.navigation.local_match import Match, center_of, is_at
+from seo_slam.navigation.looking import heading_to, headings_over, in_sight, nearest_turn
+from seo_slam.navigation.memory import Memory
+from seo_slam.navigation.moves import Moves
+from seo_slam.navigation.outcomes import Attempt, Candidate, Command, Ending
+from seo_slam.navigation.query import Query
+from seo_slam.navigation.selection import Selection
+from seo_slam.navigation.senses import Senses
+from seo_slam.navigation.ways import Ways
+from seo_slam.settings.navigation import NavigationSettings
+
+NOWHERE = -1
+"""``Candidate.anchor_id`` of a match that is on no anchor."""
+
+
+class Search:
+    """Goes to candidates until the thing is found or the attempts are used up.
+
+    An attempt is a place that the robot came to: a candidate, looked at from one or more sides, or a clear match elsewhere that was gone
+    to. What was not come to is logged as well and does not count: no way led there, the way was blocked, or a clear match was met on it.
+
+    Attributes:
+        attempts: so far.
+        found: the match that the robot stopped at.
+    """
+
+    def __init__(
+        self,
+        query: Query,
+        feature: FloatArray,
+        judge: Judge,
+        memory: Memory,
+        selection: Selection,
+        senses: Senses,
+        ways: Ways,
+        settings: NavigationSettings,
+        log: Callable[[str], None],
+    ) -> None:
+        """Take the parts of a search."""
+        self.attempts: list[Attempt] = []
+        self.found: Match | None = None
+        self.moves = Moves(senses, ways, settings)
+        self._query = query
+        self._feature = feature
+        self._judge = judge
+        self._memory = memory
+        self._selection = selection
+        self._senses = senses
+        self._ways = ways
+        self._settings = settings
+        self._log = log
+
+    def commands(self) -> Generator[Command, None, tuple[Ending, str]]:
+        """Yield a command a frame; return how it ended, and why. The first frame must have been taken."""
+        escaped = yield from self._escape()
+        if not escaped:
+            xy = self._senses.stance.xy_world
+            return "bad_start", f"the robot stands at ({xy[0]:.2f}, {xy[1]:.2f}), from where no free floor can be come to"
+        if self._settings.look_first:
+            yield from self._look_around()
+        while self._places_gone_to < self._settings.attempts:
+            clear = self._clear()
+            candidate = None if clear is not None else self._selection.next()
+            if clear is not None:
+                yield from self._go_to(clear)
+            elif candidate is not None:
+                yield from self._try(candidate)
+            else:
+                break
+            if self.found is not None:
+                return "found", f"stopped before the {self.found.label} ({self.found.score:.2f})"
+            self.learn()
+        return self._in_vain()
+
+    def learn(self) -> None:
+        """Bring what was seen into the abstract map, if the strategy does."""
+        if self._settings.strategy == "updated":
+            self._memory.learn(self._feature, self._judge.required)
+
+    def _escape(self) -> Generator[Command, None, bool]:
+        xy = self._senses.stance.xy_world
+        free = self._ways.grid.nearest_free(xy, self._settings.escape_m)
+        if free is None:
+            return False
+        if np.linalg.norm(free - xy) > self._settings.reach_m:
+            self._log("the robot stands outside the free floor and goes to the nearest of it")
+            walked = yield from self.moves.walk(np.stack([xy, free]))
+            return walked == "there"
+        return True
+
+    def _try(self, candidate: Candidate) -> Generator[Command, None, None]:
+        anchor = self._memory.anchor(candidate.anchor_id)
+        self._log(f"to the {anchor.label} {anchor.id} because of the {candidate.because} ({candidate.score:.2f})")
+        try:
+            path = self._ways.to_see(anchor, self._senses.eye, self._senses.stance.xy_world)
+        except NoPathError as error:
+            self._memory.done_with(anchor, looked_at=False)
+            self._note(candidate, False, None, f"no path: {error}")
+            return
+        walked = yield from self.moves.walk(path, lambda: self._clear() is not None)
+        if walked == "diverted":
+            self._note(candidate, False, None, "left on the way for a clear match", path)
+            return
+        if walked == "blocked":
+            self._memory.done_with(anchor, looked_at=False)
+            self._note(candidate, False, None, "no path: the way is blocked", path)
+            return
+        yield from self._inspect(anchor, candidate)
+        reason = ""
+        while (match := self._judge.confident_at(anchor, candidate)) is not None:
+            _, reason = yield from self._approach(match)
+            if self.found is not None:
+                break
+        self._memory.done_with(anchor, looked_at=self.found is None)
+        self._note(candidate, True, self._judge.best_at(anchor, candidate), reason or "nothing there is what was asked for", path)
+
+    def _inspect(self, anchor: Anchor, candidate: Candidate) -> Generator[Command, None, None]:
+        """Look at an anchor from one or more sides, then around, until there is a match on it, or a clear one elsewhere."""
+
+        def enough() -> bool:
+            return self._judge.confident_at(anchor, candidate) is not None
+
+        before: list[FloatArray] = []
+        for _ in range(self._settings.views):
+            here = self._senses.stance.xy_world
+            if before:
+                try:
+                    path = self._ways.to_see(anchor, self._senses.eye, here, before)
+                except NoPathError:
+                    break
+                walked = yield from self.moves.walk(path, enough)
+                here = self._senses.stance.xy_world
+                if walked == "blocked":
+                    break
+            before.append(here)
+            yield from self.moves.look(headings_over(anchor, here, self._senses.eye), enough)
+            if enough() or self._clear() is not None:
+                return
+        yield from self._look_around()
+
+    def _look_around(self) -> Generator[Command, None, None]:
+        """Turn to the anchors that are in sight from here and were not seen well yet, the nearest turn first."""
+        xy = self._senses.stance.xy_world
+        left = {a.id: a for a in in_sight(self._memory.map.anchors, xy, self._senses.eye, self._settings.look_range_m, self._ways.layout)}
+        while left := {id: a for id, a in left.items() if self._senses.coverage.seen_share(id) < self._settings.seen_share}:
+            headings = {id: heading_to(anchor.xy_world, xy) for id, anchor in left.items()}
+            heading = nearest_turn(list(headings.values()), self._senses.stance.yaw_rad)
+            yield from self.moves.turn(heading)
+            yield from self.moves.dwell()
+            left = {id: anchor for id, anchor in left.items() if headings[id] != heading}
+
+    def _go_to(self, match: Match) -> Generator[Command, None, None]:
+        candidate = self._place_of(match)
+        self._log(f"to a {match.label} ({match.score:.2f}) that was seen on the way")
+        reached, reason = yield from self._approach(match)
+        self._note(candidate, reached, match, reason, self.moves.path_world)
+
+    def _approach(self, match: Match) -> Generator[Command, None, tuple[bool, str]]:
+        """Go right before a match and face it; it is ``found`` if it still is one then. Returns whether it was come to, and what it was."""
+        self._judge.rejected.add(match.landmark.id)
+        target = center_of(match.landmark)[:2]
+        try:
+            path = self._ways.to_stop(target, self._senses.stance.xy_world, self._settings.approach_m)
+        except NoPathError as error:
+            return False, f"no path to the {match.label}: {error}"
+        walked = yield from self.moves.walk(path)
+        if walked == "blocked" and np.linalg.norm(target - self._senses.stance.xy_world) > self._settings.approach_m:
+            return False, f"no path to the {match.label}: the way is blocked"
+        yield from self.moves.turn(heading_to(target, self._senses.stance.xy_world))
+        self._judge.rejected.discard(match.landmark.id)
+        still: Match | None = match
+        if self._settings.verify:
+            yield from self.moves.dwell()
+            still = self._judge.again(match)
+        if still is None:
+            self._judge.rejected.add(match.landmark.id)
+            return True, f"the {match.label} turned out to be something else"
+        self.found = still
+        return True, f"the {still.label} is what was asked for"
+
+    def _clear(self) -> Match | None:
+        """A clear match anywhere, if such are taken by now."""
+        settings = self._settings
+        taken = settings.opportunistic == "always" or (settings.opportunistic == "after_first" and self._places_gone_to > 0)
+        return self._judge.clear(self._memory.map) if taken and settings.strategy == "updated" else None
+
+    @property
+    def _places_gone_to(self) -> int:
+        return sum(attempt.reached for attempt in self.attempts)
+
+    def _place_of(self, match: Match) -> Candidate:
+        """The anchor that a match is at, as a candidate."""
+        xy = center_of(match.landmark)[:2]
+        at = [anchor for anchor in self._memory.map.anchors if is_at(match.landmark, anchor, self._settings.box_growth)]
+        nearest = min(at, key=lambda anchor: (float(np.linalg.norm(anchor.xy_world - xy)), anchor.id), default=None)
+        return Candidate(NOWHERE if nearest is None else nearest.id, match.score, match.label, volatile=True)
+
+    def _note(self, candidate: Candidate, reached: bool, match: Match | None, reason: str, path_world: FloatArray | None = None) -> None:
+        """Log an attempt; ``match`` is the best that was no match, unless the thing was found."""
+        found = self.found
+        match = match if found is None else found
+        score, label = (float("nan"), "") if match is None else (match.score, match.label)
+        path = np.zeros((0, 2)) if path_world is None else path_world
+        self.attempts.append(Attempt(candidate, reached, None if found is None else found.landmark.id, score, label, reason, path))
+        self._log(reason)
+
+    def _in_vain(self) -> tuple[Ending, str]:
+        if not self._places_gone_to and self.attempts:
+            return "no_path", self.attempts[0].reason
+        best = self._judge.best()
+        seen = "nothing was seen" if best is None else f"the best seen is a {best.label} ({best.score:.2f})"
+        used = "attempts are used up" if self._places_gone_to >= self._settings.attempts else "there is no other candidate"
+        return "not_found", f"no {self._query.words} was found at {self._places_gone_to} places, and {used}; {seen}"

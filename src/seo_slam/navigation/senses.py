@@ -1,0 +1,97 @@
+"""What a navigator knows of the moment: where it is, and what the local concrete map holds of this search."""
+
+import logging
+from collections.abc import Sequence
+
+import numpy as np
+
+from seo_slam.abstraction.abstract_map import Anchor
+from seo_slam.errors import OptimizationError
+from seo_slam.navigation.coverage import Coverage
+from seo_slam.navigation.looking import Eye
+from seo_slam.navigation.motion import Stance
+from seo_slam.navigation.parts import Mapper
+from seo_slam.records import StepResult
+from seo_slam.settings.navigation import NavigationSettings
+from seo_slam.types import Frame, Landmark
+
+_LOG = logging.getLogger(__name__)
+
+
+class Senses:
+    """Steps the mapper and keeps what the navigator asks of it.
+
+    The mapper may go on from search to search; only what was seen since ``restart`` counts, since things may have been moved between.
+
+    Attributes:
+        stance: where the robot is.
+        eye: its camera.
+        lost: odometry is lost; ``stance`` is the last one known.
+        landmarks: stable and tentative ones seen in this search.
+        keyframes: of this search, so far.
+        coverage: how much of each anchor was seen.
+    """
+
+    def __init__(self, mapper: Mapper, settings: NavigationSettings) -> None:
+        """Take a mapper, which may hold a map already."""
+        self.coverage = Coverage(settings.clear_range_m, settings.local_observations)
+        self._mapper = mapper
+        self.restart(())
+
+    def restart(self, anchors: Sequence[Anchor]) -> None:
+        """Begin a search over the anchors of a map."""
+        self.stance = Stance(np.zeros(2), 0.0)
+        self.eye = Eye(0.0, 0.0, 0.0, 0.0)
+        self.lost = False
+        self.landmarks: tuple[Landmark, ...] = ()
+        self.keyframes = 0
+        self.coverage.restart(anchors)
+        self._started_s: float | None = None
+        self._before: dict[int, int] = {}
+        self._nearest_m: dict[int, float] = {}
+
+    def take(self, frame: Frame) -> None:
+        """Process a frame.
+
+        Raises:
+            FrameError: the frame cannot be taken, as of ``Mapper.step``.
+        """
+        if self._started_s is None:
+            self._started_s = frame.timestamp_s
+            self._before = {row.id: row.observations for row in self._rows()}
+        try:
+            result = self._mapper.step(frame)
+        except OptimizationError as error:  # the world's failure: the robot waits, it does not die
+            _LOG.warning("frame %d: %s", frame.index, error)
+            self.lost = True
+            return
+        self.lost = result.odometry_status == "lost"
+        if self.lost:
+            return
+        self.stance = Stance.of(result.T_world_camera)
+        self.eye = Eye.of(result.T_world_camera, frame.camera)
+        if result.is_keyframe:
+            self._take_keyframe(frame, result)
+
+    def observations(self, landmark: Landmark) -> int:
+        """Return in how many keyframes of this search a landmark was seen."""
+        return landmark.observations - self._before.get(landmark.id, 0)
+
+    def nearest_m(self, landmark: Landmark) -> float:
+        """Return from how near, on the floor, a landmark was seen in this search."""
+        return self._nearest_m.get(landmark.id, np.inf)
+
+    def _take_keyframe(self, frame: Frame, result: StepResult) -> None:
+        self.keyframes += 1
+        self.coverage.add(frame, result.T_world_camera)
+        since = self._started_s or 0.0
+        self.landmarks = tuple(row for row in self._rows() if row.last_seen_s >= since)
+        for row in self.landmarks:
+            if row.last_seen_s >= frame.timestamp_s:
+                away_m = float(np.linalg.norm(row.position_m[:2] - self.stance.xy_world))
+                self._nearest_m[row.id] = min(away_m, self.nearest_m(row))
+
+    def _rows(self) -> tuple[Landmark, ...]:
+        local = self._mapper.snapshot()
+        rows = (*local.landmarks, *getattr(local, "tentative", ()))
+        return tuple(row for row in rows if row.state != "lost")

@@ -1,0 +1,82 @@
+"""Ways to where something can be seen, and to right before it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from seo_slam.abstraction.abstract_map import Anchor, Layout
+from seo_slam.errors import NoPathError
+from seo_slam.geometry import FloatArray
+from seo_slam.navigation.looking import Eye, places_near, viewpoints
+from seo_slam.navigation.motion import path_length_m
+from seo_slam.navigation.parts import Grid, Planner
+
+_WORSE_VIEW_M = 0.5  # the next best place to look from is taken if its way is so much shorter
+_PLACES_TO_STOP = 3
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Ways:
+    """The floor, and those who find ways over it.
+
+    Attributes:
+        layout: walls and rooms.
+        grid: where the robot may be.
+        far: the global planner (Voronoi).
+        near: the local planner (RRT*).
+    """
+
+    layout: Layout
+    grid: Grid
+    far: Planner
+    near: Planner
+
+    def to_see(self, anchor: Anchor, eye: Eye, from_xy: FloatArray, before: Sequence[FloatArray] = ()) -> FloatArray:
+        """Return a path (N, 2) to a place from which an anchor's top is seen.
+
+        Args:
+            anchor: what to look at.
+            eye: of the robot.
+            from_xy: (2,) where the robot is.
+            before: places that it was looked at from.
+
+        Raises:
+            NoPathError: there is no such place, or no way leads to any.
+        """
+        places = viewpoints(anchor, eye, from_xy, self.grid, self.layout, before)
+        if not len(places):
+            raise NoPathError(f"no free floor from which the {anchor.label} {anchor.id} is seen can be come to")
+        paths: list[tuple[float, FloatArray]] = []
+        reason = ""
+        for rank, place in enumerate(places):
+            try:
+                path = self.far.path(from_xy, place)
+                paths.append((path_length_m(path) + rank * _WORSE_VIEW_M, path))
+            except NoPathError as error:
+                reason = reason or str(error)
+        if not paths:
+            raise NoPathError(reason)
+        return min(paths, key=lambda pair: pair[0])[1]
+
+    def to_stop(self, target_xy: FloatArray, from_xy: FloatArray, within_m: float) -> FloatArray:
+        """Return a path (N, 2) to the free place nearest to a thing: by the local planner, from where the robot is.
+
+        Where that finds none among its samples the global planner is asked.
+
+        Raises:
+            NoPathError: there is no free place within ``within_m``, or no way leads to the nearest few.
+        """
+        places = places_near(target_xy, within_m, from_xy, self.grid, self.layout)
+        if not len(places):
+            raise NoPathError(f"no free floor within {within_m} m of ({target_xy[0]:.2f}, {target_xy[1]:.2f}) can be come to")
+        reason = ""
+        for place in places[:_PLACES_TO_STOP]:
+            if np.linalg.norm(place - from_xy) < 1e-6:
+                return np.stack([from_xy, place])
+            for planner in (self.near, self.far):
+                try:
+                    return planner.path(from_xy, place)
+                except NoPathError as error:
+                    reason = reason or str(error)
+        raise NoPathError(reason)
