@@ -14,7 +14,7 @@ _METHODS = {
     "detector": ("detect",),
     "odometry": ("update",),
     "associator": ("associate",),
-    "smoother": ("start", "predict", "update", "remove", "merge", "split", "positions", "covariances", "poses"),
+    "smoother": ("start", "predict", "update", "remove", "merge", "split", "rename", "positions", "covariances", "poses"),
     "embedder": ("embed_text", "name", "size"),
     "store": (
         "commit",

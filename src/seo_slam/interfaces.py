@@ -197,12 +197,14 @@ class Smoother(Protocol):
         """Give some measurements of a landmark to a new one.
 
         Args:
-            landmark_id: keeps the others, of which there must be one.
+            landmark_id: keeps the others, of which there must be one, and what a continued map knew of it, which is enough.
             new_id: one that the graph does not hold.
-            measurements: (M,) which of its measurements, counted from 0 in the order in which they came.
+            measurements: (M,) which of its measurements, counted from 0 in the order in which they came. After a merge those of the
+                landmark that stayed come first. What a continued map knew is not counted.
 
         Raises:
-            UnknownLandmarkError: there is no ``landmark_id``, ``new_id`` exists, or no such measurement, or none would be left.
+            UnknownLandmarkError: there is no ``landmark_id``, ``new_id`` exists, or no such measurement, or nothing would be left for
+                one of the two. Nothing has changed then.
         """
         ...
 

@@ -323,7 +323,8 @@ class Motion:
         covariance: (6, 6), rotation first, right-perturbed.
         status: "lost" when nothing could be measured; the motion is then a guess and its covariance says how poor.
         message: why it is lost, for the user; "" otherwise.
-        T_world_camera: an absolute pose, if the odometry has one. The pipeline uses it only to place the first camera.
+        T_world_camera: an absolute pose, if the odometry has one. It places the first camera; after that only a smoother of given
+            poses takes it.
         end_covariance: (6, 6) of this frame's pose in the odometry's own map, if it measures every frame against one; else None.
             Its steps then telescope: ``covariance`` holds the errors of both ends, and only two ends count over many steps.
     """

@@ -78,3 +78,11 @@ def test_one_lost_step_makes_the_motion_lost():
     assert chain(ok, ok).motion.status == "ok"
     for steps in ((lost,), (lost, ok), (ok, lost), (ok, lost, ok)):
         assert chain(*steps).motion.status == "lost"
+
+
+def test_the_absolute_pose_of_the_newest_frame_is_passed_on():
+    poses = [np.linalg.matrix_power(STEP, k) for k in (1, 2, 3)]
+    made = chain(*(Motion(STEP, NOISE, T_world_camera=T) for T in poses))
+    np.testing.assert_allclose(made.motion.T_world_camera, poses[-1], atol=1e-12)
+    made.add(Motion(STEP, NOISE))
+    assert made.motion.T_world_camera is None

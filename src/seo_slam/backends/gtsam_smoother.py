@@ -11,8 +11,9 @@ import numpy as np
 from gtsam.symbol_shorthand import L, X
 
 from seo_slam.backends.joint_covariance import JointCovariance
+from seo_slam.backends.measurement_checks import require_covariances, require_measurements
 from seo_slam.config import SmootherSettings
-from seo_slam.errors import FrameError, OptimizationError, UnknownLandmarkError
+from seo_slam.errors import OptimizationError, UnknownLandmarkError
 from seo_slam.geometry import FloatArray, adjoint, diagonal_blocks, inverse, require_transform, transform_points
 from seo_slam.types import BoolArray, Estimate, IntArray, Landmarks, Motion, Observations
 
@@ -24,17 +25,40 @@ _CARRIED_LANDMARKS = 100
 _CARRIED_KEYFRAMES = 10
 """After so many it is recovered anew, since relinearisation and robust weights have moved on."""
 
-_LEAST_VARIANCE = 1e-14
-"""Below it (0.1 um, 0.1 urad) GTSAM's factorisation fails, and the graph is lost."""
+_SETTLING = 4
+"""Updates after a split at most: what was a blend of two places has bad linearisation points."""
+
+
+@dataclass(slots=True)
+class _Measurement:
+    """A measurement, and which factor of the graph it is."""
+
+    keyframe: int
+    p_camera: FloatArray
+    cov_camera: FloatArray
+    robust: bool
+    index: int = -1
+
+
+@dataclass(slots=True)
+class _Prior:
+    """What a continued map knew, and which factor of the graph it is."""
+
+    p_world: FloatArray
+    cov_world: FloatArray
+    index: int = -1
 
 
 @dataclass(slots=True)
 class _LandmarkFactors:
     """What is needed to take a landmark out, or to give its measurements to another."""
 
-    indices: list[int] = field(default_factory=list)
-    measurements: list[tuple[int, FloatArray, FloatArray, bool]] = field(default_factory=list)  # keyframe, p_camera, cov_camera, robust
-    priors: list[tuple[FloatArray, FloatArray]] = field(default_factory=list)  # p_world, cov_world: what a continued map knew
+    measurements: list[_Measurement] = field(default_factory=list)
+    priors: list[_Prior] = field(default_factory=list)
+
+    @property
+    def indices(self) -> list[int]:
+        return [prior.index for prior in self.priors] + [measurement.index for measurement in self.measurements]
 
 
 class GtsamSmoother:
@@ -51,7 +75,7 @@ class GtsamSmoother:
         self._landmarks: dict[int, _LandmarkFactors] = {}
         self._new_graph = gtsam.NonlinearFactorGraph()
         self._new_values = gtsam.Values()
-        self._new_owners: list[int | None] = []  # landmark of each factor in _new_graph
+        self._new_records: list[_Measurement | _Prior | None] = []  # what is to be told the index of each factor in _new_graph
         self._T_last = np.eye(4)
         self._positions: tuple[IntArray, FloatArray] | None = None  # kept until the graph changes
         self._carried: JointCovariance | None = None
@@ -60,14 +84,14 @@ class GtsamSmoother:
     def start(self, T_world_camera: FloatArray, covariance: FloatArray, landmarks: Landmarks | None = None) -> Estimate:
         """See ``interfaces.Smoother``."""
         T = require_transform(T_world_camera, "first camera pose")
-        _require_covariances("covariance of the first camera pose", covariance[None])
+        require_covariances("covariance of the first camera pose", covariance[None])
         if landmarks is not None:
-            _require_covariances("covariance of a landmark to be continued", landmarks.cov_world)
+            require_covariances("covariance of a landmark to be continued", landmarks.cov_world)
         self._add(gtsam.PriorFactorPose3(X(0), gtsam.Pose3(T), gtsam.noiseModel.Gaussian.Covariance(covariance)), None)
         self._new_values.insert(X(0), gtsam.Pose3(T))
         for row in range(len(landmarks) if landmarks is not None else 0):
             assert landmarks is not None
-            self._add_prior(int(landmarks.ids[row]), landmarks.p_world[row], landmarks.cov_world[row])
+            self._add_prior(int(landmarks.ids[row]), _Prior(landmarks.p_world[row], landmarks.cov_world[row]))
         self._keyframes = 1
         self._flush([])
         return self._estimate()
@@ -91,9 +115,9 @@ class GtsamSmoother:
 
     def update(self, motion: Motion | None, observations: Observations, landmark_ids: IntArray, robust: bool = True) -> Estimate:
         """See ``interfaces.Smoother``; also raises FrameError, before anything changes, where a covariance is none."""
-        _require_covariances("cov_camera", observations.cov_camera)
+        require_covariances("cov_camera", observations.cov_camera)
         if motion is not None:
-            _require_covariances("covariance of the motion from odometry", motion.covariance[None])
+            require_covariances("covariance of the motion from odometry", motion.covariance[None])
             previous, current = self._keyframes - 1, self._keyframes
             T = require_transform(self._T_last @ motion.T_previous_current, "predicted camera pose")
             noise = gtsam.noiseModel.Gaussian.Covariance(motion.covariance)
@@ -104,7 +128,8 @@ class GtsamSmoother:
             self._T_last = T
         new = np.array([int(i) not in self._landmarks for i in landmark_ids], dtype=np.bool_)
         for row, landmark_id in enumerate(landmark_ids):
-            self._measure(int(landmark_id), self._keyframes - 1, observations.p_camera[row], observations.cov_camera[row], robust)
+            measurement = _Measurement(self._keyframes - 1, observations.p_camera[row], observations.cov_camera[row], robust)
+            self._measure(int(landmark_id), measurement)
         carried, self._carried = self._carried, None  # lost, should the graph not be solved
         self._flush([])
         if carried is not None and motion is not None and self._carried_keyframes < _CARRIED_KEYFRAMES:
@@ -144,26 +169,35 @@ class GtsamSmoother:
             raise UnknownLandmarkError(f"landmark {keep_id} cannot be merged with itself")
         self._known(keep_id)
         dropped = self._take_out(drop_id)
-        for prior in dropped.priors:
-            self._add_prior(keep_id, *prior)
-        for measurement in dropped.measurements:
-            self._measure(keep_id, *measurement)
-        self._flush(dropped.indices)
+        indices = dropped.indices
+        self._hand_over(dropped, keep_id)
+        self._flush(indices)
+
+    def split(self, landmark_id: int, new_id: int, measurements: IntArray) -> None:
+        """See ``interfaces.Smoother``. After a merge those of the landmark that stayed come first; a rename keeps their order."""
+        old = self._known(landmark_id)
+        self._free(new_id, f"landmark {landmark_id} cannot be split into {new_id}")
+        chosen = require_measurements(landmark_id, measurements, len(old.measurements), bool(old.priors))
+        moved = _LandmarkFactors([old.measurements[n] for n in chosen])
+        indices = moved.indices
+        old.measurements = [measurement for n, measurement in enumerate(old.measurements) if n not in chosen]
+        self._landmarks[new_id] = _LandmarkFactors()
+        self._new_values.insert(L(new_id), self._middle(moved.measurements))
+        self._hand_over(moved, new_id)
+        self._flush(indices)
+        self._settle()
 
     def rename(self, old_id: int, new_id: int) -> None:
         """See ``interfaces.Smoother``."""
         self._known(old_id)
-        if new_id in self._landmarks:
-            raise UnknownLandmarkError(f"landmark {old_id} cannot be named {new_id}: the graph holds one of that id")
+        self._free(new_id, f"landmark {old_id} cannot be named {new_id}")
         p_world = self._isam.calculateEstimatePoint3(L(old_id))
         old = self._take_out(old_id)
+        indices = old.indices
         self._landmarks[new_id] = _LandmarkFactors()
         self._new_values.insert(L(new_id), p_world)
-        for prior in old.priors:
-            self._add_prior(new_id, *prior)
-        for measurement in old.measurements:
-            self._measure(new_id, *measurement)
-        self._flush(old.indices)
+        self._hand_over(old, new_id)
+        self._flush(indices)
 
     def positions(self) -> tuple[IntArray, FloatArray]:
         """See ``interfaces.Smoother``."""
@@ -220,32 +254,49 @@ class GtsamSmoother:
         del self._landmarks[landmark_id]
         return factors
 
-    def _add(self, factor: gtsam.NonlinearFactor, owner: int | None) -> None:
+    def _free(self, landmark_id: int, why_wanted: str) -> None:
+        if landmark_id in self._landmarks:
+            raise UnknownLandmarkError(f"{why_wanted}: the graph holds one of that id")
+
+    def _hand_over(self, factors: _LandmarkFactors, landmark_id: int) -> None:
+        """Add factors to a landmark; those they replace are still in the graph."""
+        for prior in factors.priors:
+            self._add_prior(landmark_id, prior)
+        for measurement in factors.measurements:
+            self._measure(landmark_id, measurement)
+
+    def _middle(self, measurements: list[_Measurement]) -> FloatArray:
+        """Where measurements put a point: the mean in the world frame, by the poses as estimated now."""
+        poses = [self._isam.calculateEstimatePose3(X(measurement.keyframe)).matrix() for measurement in measurements]
+        points = [transform_points(T, measurement.p_camera) for T, measurement in zip(poses, measurements, strict=True)]
+        return np.asarray(np.mean(points, axis=0), dtype=np.float64)
+
+    def _add(self, factor: gtsam.NonlinearFactor, record: _Measurement | _Prior | None) -> None:
         self._new_graph.push_back(factor)
-        self._new_owners.append(owner)
+        self._new_records.append(record)
 
-    def _add_prior(self, landmark_id: int, p_world: FloatArray, cov_world: FloatArray) -> None:
+    def _add_prior(self, landmark_id: int, prior: _Prior) -> None:
         if landmark_id not in self._landmarks:
             self._landmarks[landmark_id] = _LandmarkFactors()
-            self._new_values.insert(L(landmark_id), p_world)
-        self._landmarks[landmark_id].priors.append((p_world, cov_world))
-        noise = gtsam.noiseModel.Gaussian.Covariance(cov_world)
-        self._add(gtsam.PriorFactorPoint3(L(landmark_id), p_world, noise), landmark_id)
+            self._new_values.insert(L(landmark_id), prior.p_world)
+        self._landmarks[landmark_id].priors.append(prior)
+        noise = gtsam.noiseModel.Gaussian.Covariance(prior.cov_world)
+        self._add(gtsam.PriorFactorPoint3(L(landmark_id), prior.p_world, noise), prior)
 
-    def _measure(self, landmark_id: int, keyframe: int, p_camera: FloatArray, cov_camera: FloatArray, robust: bool) -> None:
+    def _measure(self, landmark_id: int, measurement: _Measurement) -> None:
+        p_camera = measurement.p_camera
         if landmark_id not in self._landmarks:
             self._landmarks[landmark_id] = _LandmarkFactors()
-            T = self._T_last
-            self._new_values.insert(L(landmark_id), T[:3, :3] @ p_camera + T[:3, 3])
-        self._landmarks[landmark_id].measurements.append((keyframe, p_camera, cov_camera, robust))
+            self._new_values.insert(L(landmark_id), transform_points(self._T_last, p_camera))
+        self._landmarks[landmark_id].measurements.append(measurement)
         distance = float(np.linalg.norm(p_camera))
         direction = gtsam.Unit3(p_camera)
         J = np.vstack([direction.basis().T / distance, p_camera[None] / distance])
-        noise: gtsam.noiseModel.Base = gtsam.noiseModel.Gaussian.Covariance(J @ cov_camera @ J.T)
-        if robust:
+        noise: gtsam.noiseModel.Base = gtsam.noiseModel.Gaussian.Covariance(J @ measurement.cov_camera @ J.T)
+        if measurement.robust:
             loss = gtsam.noiseModel.mEstimator.Cauchy.Create(self._settings.cauchy_k)
             noise = gtsam.noiseModel.Robust.Create(loss, noise)
-        self._add(gtsam.BearingRangeFactor3D(X(keyframe), L(landmark_id), direction, distance, noise), landmark_id)
+        self._add(gtsam.BearingRangeFactor3D(X(measurement.keyframe), L(landmark_id), direction, distance, noise), measurement)
 
     def _flush(self, remove_indices: list[int]) -> None:
         """Give ISAM2 the pending factors and values, and take factors out."""
@@ -254,24 +305,19 @@ class GtsamSmoother:
             result = self._isam.update(self._new_graph, self._new_values, remove_indices)
         except RuntimeError as error:
             raise OptimizationError(f"keyframe {self._keyframes - 1}: GTSAM could not solve the graph: {error}") from error
-        for owner, index in zip(self._new_owners, result.getNewFactorsIndices(), strict=True):
-            if owner is not None:
-                self._landmarks[owner].indices.append(int(index))
+        for record, index in zip(self._new_records, result.getNewFactorsIndices(), strict=True):
+            if record is not None:
+                record.index = int(index)
         self._new_graph = gtsam.NonlinearFactorGraph()
         self._new_values = gtsam.Values()
-        self._new_owners = []
+        self._new_records = []
         # Removals and merges move the newest pose, too.
         self._T_last = require_transform(self._isam.calculateEstimatePose3(X(self._keyframes - 1)).matrix(), "estimated pose")
 
-
-def _require_covariances(what: str, covariances: FloatArray) -> None:
-    """Raise ``FrameError`` unless all of (N, n, n) are symmetric and positive definite, so that no bad one spoils the graph."""
-    if not len(covariances):
-        return
-    skew = np.abs(covariances - covariances.transpose(0, 2, 1)).max(axis=(1, 2)) > 1e-6 * np.abs(covariances).max(axis=(1, 2))
-    least = np.linalg.eigvalsh(covariances).min(axis=1)
-    bad = skew | ~(least > _LEAST_VARIANCE)
-    if bad.any():
-        row = int(np.argmax(bad))
-        found = "not symmetric" if skew[row] else f"its smallest variance is {least[row]:.3g}"
-        raise FrameError(f"{what}: row {row}: {found}; wanted a symmetric matrix with variances above {_LEAST_VARIANCE:g}")
+    def _settle(self) -> None:
+        """Relinearise what a change of hands has moved far, until nothing moves far any more."""
+        for _ in range(_SETTLING):
+            before = self._isam.getLinearizationPoint()
+            self._flush([])
+            if self._isam.getLinearizationPoint().equals(before, 1e-9):
+                return

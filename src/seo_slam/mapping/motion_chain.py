@@ -41,7 +41,13 @@ class MotionChain:
             Ad = adjoint(inverse(T))
             covariance = Ad @ self._at_keyframe @ Ad.T + step.end_covariance
         status: OdometryStatus = "lost" if "lost" in (self._motion.status, step.status) else "ok"
-        self._motion = Motion(T_previous_current=T, covariance=covariance, status=status, end_covariance=step.end_covariance)
+        self._motion = Motion(
+            T_previous_current=T,
+            covariance=covariance,
+            status=status,
+            T_world_camera=step.T_world_camera,
+            end_covariance=step.end_covariance,
+        )
 
     def restart(self, keyframe: Motion) -> None:
         """Begin anew at a keyframe, whose own motion was the last one added (or the first of all)."""
