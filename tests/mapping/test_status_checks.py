@@ -7,8 +7,8 @@ from checked_map import AT, CheckedMap
 from seo_slam.backends.gtsam_smoother import GtsamSmoother
 from seo_slam.errors import MapError
 
-ASIDE = AT + [0.0, 0.12, 0.0]
-ELSEWHERE = AT + [0.0, -0.6, 0.0]
+ASIDE = AT + np.array([0.0, 0.12, 0.0])
+ELSEWHERE = AT + np.array([0.0, -0.6, 0.0])
 
 
 def watched(world, times, *seen):
@@ -127,3 +127,37 @@ def test_a_split_needs_both_sides():
     with pytest.raises(MapError, match="cannot be split"):
         world.objects.split(0, 9, {"cup"})
     assert world.ids() == [0]
+
+
+def test_two_sides_of_a_thing_are_one_if_they_are_never_seen_at_once():
+    world = CheckedMap()
+    world.see((None, AT, "cup"))
+    watched(world, 3, (0, AT, "cup"))
+    assert world.see((None, ASIDE, "cup")) == []
+    assert watched(world, 2, (1, ASIDE, "cup")) == [("merged", 1)]
+    assert world.ids() == [0]
+    assert world.row(0).size_m[1] == pytest.approx(0.22, abs=0.02)
+
+
+@pytest.mark.parametrize(("where", "word"), [(ELSEWHERE, "cup"), (ASIDE, "book")])
+def test_what_does_not_touch_or_is_called_otherwise_stays_two(where, word):
+    world = CheckedMap()
+    world.see((None, AT, "cup"))
+    watched(world, 3, (0, AT, "cup"))
+    world.see((None, where, word))
+    assert watched(world, 5, (1, where, word)) == []
+
+
+def test_two_things_side_by_side_were_seen_at_once():
+    world = CheckedMap(observations=20)
+    world.see((None, AT, "cup"), (None, ASIDE, "cup"))
+    watched(world, 6, (0, AT, "cup"), (1, ASIDE, "cup"))
+    assert world.ids() == [0, 1]
+
+
+def test_folding_can_be_switched_off_as_in_the_paper():
+    world = CheckedMap(fold=False)
+    world.see((None, AT, "cup"))
+    watched(world, 3, (0, AT, "cup"))
+    world.see((None, ASIDE, "cup"))
+    assert watched(world, 5, (1, ASIDE, "cup")) == []

@@ -315,7 +315,7 @@ class ObjectMap:
         cloud = self.cloud(thing)
         size_m = thing.size_m()
         if len(cloud):  # the middle of all that was seen, not the mean of the middles of what each view showed
-            low, high = _inner_extent(cloud.p_world, share=0.01)
+            low, high = cloud.inner_bounds
             p_world, size_m = 0.5 * (low + high), high - low
         return Landmark(
             id=landmark_id,
@@ -341,8 +341,8 @@ def _keep_newest(kept: list[FloatArray], new: FloatArray) -> None:
     del kept[:-SIZES_KEPT]
 
 
-def _inner_extent(points: FloatArray, share: float = 0.03) -> tuple[FloatArray, FloatArray]:
-    """The lowest and highest coordinate (3,) each once a share of the points (M, 3) at either end is left out."""
+def _inner_extent(points: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The lowest and highest coordinate (3,) each once 3 % of the points (M, 3) at either end are left out."""
     ordered = np.sort(points, axis=0)
-    cut = int(share * len(points))
+    cut = int(0.03 * len(points))
     return ordered[cut], ordered[len(points) - 1 - cut]

@@ -49,6 +49,8 @@ class StatusChecks:
         if self._settings.split:
             events += [event for landmark_id in seen for event in self._split(self._map[landmark_id], smoother)]
         events += [event for landmark_id in seen for event in self._becomes_stable(self._map[landmark_id])]
+        if self._settings.fold:
+            events += self._fold_doubles(seen, smoother)
         events += self._check_silent(view.timestamp_s, smoother)
         if self._settings.merge and self._keyframe % self._settings.merge_every == 0:
             events += self._merge_overlapping(smoother)
@@ -112,8 +114,39 @@ class StatusChecks:
         shares = overlap_shares([clouds[word].p_world], [clouds[goes], clouds[stays]], self._overlap.distance_m)[0]
         return bool(shares[0] > shares[1])
 
+    def _fold_doubles(self, seen: Sequence[int], smoother: Smoother) -> list[MapEvent]:
+        """Make one of two landmarks that are two sides of a thing (ours; the paper leaves them two).
+
+        Seen from another side, a thing shows other points: the overlap is small, and it comes twice. Two sides look alike, touch, and are
+        never detected at once, whereas two things side by side sooner or later are. Boxes are compared, never points.
+        """
+        things = [thing for thing in self._map.things.values() if len(self._map.cloud(thing))]
+        if len(things) < 2:
+            return []
+        bounds = np.array([self._map.cloud(thing).bounds for thing in things])
+        looks = np.array([thing.embedding() for thing in things])
+        gone: set[int] = set()
+        events = []
+        for row in [n for n, thing in enumerate(things) if thing.id in set(seen)]:
+            gap_m = np.maximum(bounds[row, 0] - bounds[:, 1], bounds[:, 0] - bounds[row, 1]).max(axis=1)
+            for other in np.flatnonzero((gap_m <= self._settings.fold_gap_m) & (looks @ looks[row] >= self._settings.fold_cosine)):
+                pair = sorted((things[row], things[other]), key=lambda thing: (-thing.observations, thing.id))
+                keep, drop = pair
+                if keep is drop or {keep.id, drop.id} & gone or not self._are_one(keep, drop):
+                    continue
+                gone.add(drop.id)
+                events.append(merge_landmarks(keep.id, drop.id, self._map, smoother, SOURCE))
+        return events
+
+    def _are_one(self, keep: Thing, drop: Thing) -> bool:
+        """Whether both are known well enough to say so, were never seen apart, and mostly go by one word."""
+        enough = drop.observations >= self._map.settings.stable_observations
+        apart = self._map.times_apart(keep.id, drop.id) >= self._map.settings.separate_frames
+        words = {thing.label for thing in (keep, drop)} - {""}
+        return enough and not apart and len(words) == 1
+
     def _merge_overlapping(self, smoother: Smoother) -> list[MapEvent]:
-        """Fold landmarks whose clouds overlap: connected components of pairs, each into its most observed one (optional, as in the code)."""
+        """Fold landmarks whose clouds overlap: connected components of pairs, each into its most observed one."""
         things = [thing for thing in self._map.things.values() if thing.record is not None]
         clouds = [self._map.cloud(thing) for thing in things]
         events = []

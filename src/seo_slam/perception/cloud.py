@@ -30,6 +30,16 @@ class Cloud:
         return self.p_world.min(axis=0), self.p_world.max(axis=0)
 
     @cached_property
+    def inner_bounds(self) -> tuple[FloatArray, FloatArray]:
+        """Low and high corner (3,) of the box without the outermost hundredth of the points on each side; NaN if it is empty."""
+        M = len(self.p_world)
+        cut = M // 100
+        if not cut:
+            return self.bounds
+        ordered = np.partition(self.p_world, (cut, M - 1 - cut), axis=0)
+        return ordered[cut], ordered[M - 1 - cut]
+
+    @cached_property
     def tree(self) -> cKDTree:
         """For nearest points."""
         return cKDTree(self.p_world)
