@@ -1,70 +1,445 @@
 """The navigator in a home drawn by hand: found, moved, not there, no way, and what it keeps for the next query."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from fake_home import EMBEDDER, Robot, SeeingMapper, abstract_map, drive, furniture, resting
+from fake_home import EMBEDDER, Robot, SeeingMapper, Thing, abstract_map, drive, furniture, resting
 
-from seo_slam.abstraction.abstract_map import AbstractMap
-from seo_slam.errors import ConfigError, MapError, NoPathError
+from seo_slam.abstraction.abstract_map import AbstractMap, Volatile
+from seo_slam.errors import ConfigError, MapError, NoPathError, OptimizationError
 from seo_slam.navigation.global_planner import VoronoiPlanner
 from seo_slam.navigation.grid import NavigationGrid
 from seo_slam.navigation.navigator import Navigator
 from seo_slam.settings.navigation import NavigationSettings
 
-SETTINGS = NavigationSettings()
+TABLE, COUNTER, DESK, SHELF = 1, 2, 3, 4
 
 
-def home(mapped=("mug", 1), now=None, settings=SETTINGS, start=(2.0, 2.0), door=True, says=None, more=(), **parts):
-    """A navigator over the map of a home, and a robot in the home as it is now: ``(label, carrier id)`` of the small thing in each."""
-    things = furniture()
-    by_id = {thing.id: thing for thing in things}
-    was = resting(10, mapped[0], by_id[mapped[1]])
-    now = was if now is None else resting(10, mapped[0], by_id[now[0]], *now[1:]) if now else None
-    robot = Robot(start)
-    mapper = SeeingMapper(robot, [*things, *more, *([now] if now else [])], says=says, door=door)
-    old_map = abstract_map(things, [(was, by_id[mapped[1]])], door)
-    if "grid" not in parts:
+class Home:
+    """The map says that there is a mug on ``mapped``; now it is on ``now`` (None: nowhere), and a robot stands at ``start``."""
+
+    def __init__(
+        self, mapped=TABLE, now=TABLE, at=(0.0, 0.0), start=(2.0, 2.0), door=True, says=None, more=(), planner=None, seed=0, **settings
+    ):
+        things = furniture()
+        by_id = {thing.id: thing for thing in things}
+        self.by_id = by_id
+        self.mug = None if now is None else resting(10, "mug", by_id[now], *at)
+        self.robot = Robot(start)
+        there = [*things, *more, *([self.mug] if self.mug else [])]
+        self.mapper = SeeingMapper(self.robot, there, says=says, door=door)
+        old_map = abstract_map(things, [(resting(10, "mug", by_id[mapped]), by_id[mapped])], door)
         grid = NavigationGrid(old_map.layout, 0.18)
-        parts |= {"grid": grid, "far": VoronoiPlanner(grid), "near": VoronoiPlanner(grid)}
-    navigator = Navigator(old_map, mapper, EMBEDDER, settings, **parts)
-    return navigator, robot, now
+        far = planner or VoronoiPlanner(grid)
+        parts = {"grid": grid, "far": far, "near": far}
+        self.navigator = Navigator(old_map, self.mapper, EMBEDDER, NavigationSettings(**settings), seed=seed, **parts)
+
+    def search(self, text="mug"):
+        self.navigator.ask(text)
+        return drive(self.navigator, self.robot)
+
+    @property
+    def from_mug_m(self):
+        return np.linalg.norm(self.robot.xy - self.mug.center[:2])
 
 
-def stops_by(robot, thing):
-    return np.linalg.norm(robot.xy - thing.center[:2]) < 1.0
+def gone_to(outcome):
+    """Ids of the anchors that the robot came to."""
+    return [attempt.candidate.anchor_id for attempt in outcome.attempts if attempt.reached]
 
 
 def test_found_where_the_map_has_it():
-    navigator, robot, mug = home()
-    assert navigator.ask("the mug") is None
-    outcome = drive(navigator, robot)
+    home = Home()
+    assert home.navigator.ask("the mug") is None
+    outcome = drive(home.navigator, home.robot)
     assert outcome.found
-    assert len(outcome.attempts) == 1
-    assert outcome.attempts[0].found_id == 110
-    np.testing.assert_allclose(outcome.target_world, mug.center, atol=0.05)
-    assert stops_by(robot, mug)
+    assert gone_to(outcome) == [TABLE]
+    (attempt,) = outcome.attempts
+    assert (attempt.found_id, attempt.found_label, attempt.candidate.because) == (110, "mug", "mug")
+    assert attempt.found_score == pytest.approx(1.0)
+    np.testing.assert_allclose(outcome.target_world, home.mug.center, atol=0.05)
+    assert home.from_mug_m < 1.0
+    to_mug = home.mug.center[:2] - home.robot.xy
+    assert np.cos(np.arctan2(to_mug[1], to_mug[0]) - home.robot.yaw_rad) > 0.99, "it faces the thing"
+    assert outcome.steps == home.robot.index
+
+
+def test_it_comes_as_near_as_the_floor_allows():
+    home = Home()
+    home.search()
+    grid = NavigationGrid(home.navigator.abstract_map.layout, 0.18)
+    nearest = grid.nearest_free(home.mug.center[:2], 2.0)
+    assert home.from_mug_m < np.linalg.norm(nearest - home.mug.center[:2]) + 0.2
+
+
+def test_an_anchor_itself_can_be_asked_for():
+    home = Home()
+    outcome = home.search("shelf")
+    assert outcome.found
+    assert not outcome.attempts[0].candidate.volatile
+    assert np.linalg.norm(home.robot.xy - home.by_id[SHELF].center[:2]) < 1.0
 
 
 def test_moved_within_its_anchor():
-    navigator, robot, mug = home(now=(1, 0.35, -0.2))
-    navigator.ask("mug")
-    outcome = drive(navigator, robot)
-    assert (outcome.ending, len(outcome.attempts)) == ("found", 1)
-    assert stops_by(robot, mug)
-
-
-def test_moved_to_another_anchor():
-    navigator, robot, mug = home(now=(4,))
-    navigator.ask("mug")
-    outcome = drive(navigator, robot)
-    print(navigator.log, outcome)
+    home = Home(at=(0.4, -0.25))
+    outcome = home.search()
     assert outcome.found
-    assert stops_by(robot, mug)
+    assert gone_to(outcome) == [TABLE]
+    assert home.from_mug_m < 1.0
 
 
-def test_absent():
-    navigator, robot, _ = home(now=())
-    navigator.ask("mug")
-    outcome = drive(navigator, robot)
-    print(navigator.log, outcome)
+@pytest.mark.parametrize("now", [COUNTER, DESK, SHELF])
+def test_moved_to_another_anchor(now):
+    home = Home(now=now)
+    outcome = home.search()
+    assert outcome.found, home.navigator.log
+    assert gone_to(outcome)[0] == TABLE
+    assert gone_to(outcome)[-1] == now
+    assert len(gone_to(outcome)) <= 3
+    assert home.from_mug_m < 1.0
+
+
+def test_what_was_seen_on_the_way_to_the_old_place_is_gone_to_next():
+    home = Home(mapped=DESK, now=TABLE, start=(1.0, 2.0))
+    outcome = home.search()
+    assert outcome.found
+    assert gone_to(outcome) == [DESK, TABLE]
+    assert outcome.attempts[0].found_id is None
+    assert "nothing there" in outcome.attempts[0].reason
+
+
+def test_a_clear_match_on_the_way_ends_a_search_that_takes_them_always():
+    home = Home(mapped=DESK, now=TABLE, start=(1.0, 2.0), opportunistic="always")
+    outcome = home.search()
+    assert outcome.found
+    assert gone_to(outcome) == [TABLE]
+
+
+def test_without_opportunism_the_updated_map_leads_to_it():
+    home = Home(mapped=DESK, now=TABLE, start=(1.0, 2.0), opportunistic="never")
+    outcome = home.search()
+    assert outcome.found
+    assert gone_to(outcome) == [DESK, TABLE]
+    assert outcome.attempts[1].candidate.volatile
+
+
+def test_what_is_nowhere_is_not_found_and_the_best_is_named():
+    home = Home(now=None, attempts=4, more=[resting(20, "lamp", furniture()[2])])
+    outcome = home.search()
     assert outcome.ending == "not_found"
+    assert outcome.target_world is None
+    assert sorted(gone_to(outcome)) == [TABLE, COUNTER, DESK, SHELF]
+    assert "no mug was found at 4 places" in outcome.reason
+    assert "the best seen is" in outcome.reason
+
+
+def test_attempts_are_used_up():
+    home = Home(now=None, attempts=2, next_candidate="highest")
+    outcome = home.search()
+    assert outcome.ending == "not_found"
+    assert len(gone_to(outcome)) == 2
+    assert "attempts are used up" in outcome.reason
+
+
+def test_a_look_alike_in_its_place_is_a_false_match():
+    home = Home(now=None, more=[resting(11, "cup", furniture()[0])])
+    outcome = home.search()
+    assert outcome.found
+    assert outcome.attempts[0].found_id == 111
+    assert outcome.attempts[0].found_label == "cup"
+
+
+def test_a_smaller_margin_passes_the_look_alike_by():
+    outcome = Home(now=None, more=[resting(11, "cup", furniture()[0])], margin=0.02).search()
+    assert outcome.ending == "not_found"
+    assert outcome.attempts[0].found_label == "cup"
+    assert outcome.attempts[0].found_score == pytest.approx(0.95, abs=0.01)
+
+
+def test_a_match_that_turns_out_to_be_something_else_is_left():
+    counterfeit = resting(11, "mug", furniture()[3], 0.0, 0.0)  # on the shelf
+    says = {11: lambda away_m: "mug" if away_m > 0.75 else "book"}
+    home = Home(mapped=SHELF, now=TABLE, more=[counterfeit], says=says, start=(5.0, 2.5))
+    outcome = home.search()
+    assert outcome.found, home.navigator.log
+    assert "turned out to be something else" in outcome.attempts[0].reason
+    assert outcome.attempts[0].found_id is None
+    assert home.from_mug_m < 1.0
+    trusting = Home(mapped=SHELF, now=TABLE, more=[counterfeit], says=says, start=(5.0, 2.5), verify=False)
+    assert trusting.search().attempts[0].found_id == 111
+
+
+class NoWay:
+    def path(self, start_xy, goal_xy):
+        raise NoPathError("the planner knows no way")
+
+
+def test_a_planner_without_ways_is_an_answer():
+    home = Home(planner=NoWay())
+    outcome = home.search()
+    assert outcome.ending == "no_path"
+    assert "the planner knows no way" in outcome.reason
+    assert len(outcome.attempts) == 4, "every candidate was tried, and none counts as come to"
+    assert not any(attempt.reached for attempt in outcome.attempts)
+
+
+def test_what_is_behind_a_closed_door_is_passed_over():
+    home = Home(mapped=DESK, now=COUNTER, door=False)
+    outcome = home.search()
+    assert outcome.found
+    assert outcome.attempts[0].candidate.anchor_id == DESK
+    assert not outcome.attempts[0].reached
+    assert "no path" in outcome.attempts[0].reason
+    assert home.from_mug_m < 1.0
+
+
+def test_a_robot_that_does_not_get_ahead_finds_the_ways_blocked():
+    home = Home(look_first=False, stuck_frames=5, replans=1)
+    home.robot.stuck = True
+    outcome = home.search()
+    assert outcome.ending == "no_path"
+    assert "blocked" in outcome.reason
+
+
+def test_a_start_outside_the_free_floor_is_left():
+    home = Home(start=(2.0, 0.2))
+    outcome = home.search()
+    assert outcome.found
+    assert any("outside the free floor" in line for line in home.navigator.log)
+
+
+def test_a_start_too_far_from_the_free_floor():
+    home = Home(start=(-3.0, 2.0))
+    outcome = home.search()
+    assert outcome.ending == "bad_start"
+    assert "(-3.00, 2.00)" in outcome.reason
+    assert outcome.attempts == ()
+
+
+def test_it_gives_up_after_so_many_frames():
+    outcome = Home(max_steps=20).search()
+    assert (outcome.ending, outcome.steps) == ("gave_up", 21)
+
+
+@pytest.mark.parametrize("text", ["", "  ", "?"])
+def test_an_empty_query_is_answered(text):
+    home = Home()
+    outcome = home.navigator.ask(text)
+    assert outcome.ending == "bad_query"
+    assert home.navigator.step(home.robot.frame()).kind == "stop"
+
+
+def test_a_query_that_is_no_text():
+    with pytest.raises(ConfigError, match="got NoneType"):
+        Home().navigator.ask(None)
+
+
+def test_an_empty_map_is_answered():
+    robot = Robot()
+    navigator = Navigator(AbstractMap(()), SeeingMapper(robot, ()), EMBEDDER)
+    assert navigator.ask("mug").ending == "empty_map"
+
+
+def test_a_thing_that_the_map_knows_nothing_like_is_answered_with_the_best_it_has():
+    outcome = Home().navigator.ask("banana")
+    assert outcome.ending == "not_found"
+    assert "knows nothing like 'banana'" in outcome.reason
+    assert "table 1 (0.00)" in outcome.reason
+
+
+def test_a_room_limits_the_search():
+    home = Home(now=COUNTER)
+    outcome = home.search("the mug in the kitchen")
+    assert outcome.found
+    assert set(gone_to(outcome)) <= {TABLE, COUNTER}
+    other = Home(now=DESK)
+    outcome = other.search("the mug in the kitchen")
+    assert outcome.ending == "not_found"
+    assert set(gone_to(outcome)) == {TABLE, COUNTER}
+    assert "no other candidate" in outcome.reason
+
+
+def test_in_a_room_without_such_a_thing():
+    assert "knows nothing like" in Home().navigator.ask("mug in the study").reason
+
+
+def test_a_frame_before_a_query():
+    home = Home()
+    with pytest.raises(ConfigError, match="ask"):
+        home.navigator.step(home.robot.frame())
+
+
+def test_after_the_end_it_stops_and_looks_at_nothing():
+    home = Home()
+    home.search()
+    seen = dict(home.mapper.seen)
+    command = home.navigator.step(home.robot.frame())
+    assert command.kind == "stop"
+    np.testing.assert_allclose(command.xy_world, home.robot.xy)
+    assert home.mapper.seen == seen
+
+
+def test_it_stops_while_odometry_is_lost_and_then_goes_on():
+    home = Home()
+    home.mapper.lost_frames = set(range(10, 30))
+    home.navigator.ask("mug")
+    kinds = []
+    while home.navigator.outcome is None:
+        command = home.navigator.step(home.robot.frame())
+        kinds.append(command.kind)
+        home.robot.drive(command)
+    assert kinds[10:30] == ["stop"] * 20
+    assert "stop" not in kinds[:10]
+    assert home.navigator.outcome.found
+    assert sum("odometry is lost" in line for line in home.navigator.log) == 1
+
+
+def test_a_mapper_that_fails_on_a_frame_is_the_worlds_failure():
+    home = Home()
+    step = home.mapper.step
+
+    def failing(frame):
+        if frame.index == 12:
+            raise OptimizationError("no solution")
+        return step(frame)
+
+    home.mapper.step = failing
+    assert home.search().found
+
+
+def test_the_same_search_gives_the_same_commands():
+    def commands():
+        home = Home(now=SHELF)
+        home.navigator.ask("mug")
+        while home.navigator.outcome is None:
+            command = home.navigator.step(home.robot.frame())
+            yield command.kind, *command.xy_world, command.yaw_rad, command.forward_m_s, command.turn_rad_s
+            home.robot.drive(command)
+
+    assert list(commands()) == list(commands())
+
+
+def test_commands_are_within_the_limits_and_on_the_free_floor():
+    home = Home(now=SHELF, speed_m_s=0.3, turn_rad_s=0.5)
+    home.navigator.ask("mug")
+    grid = NavigationGrid(home.navigator.abstract_map.layout, 0.18)
+    going = 0
+    while home.navigator.outcome is None:
+        command = home.navigator.step(home.robot.frame())
+        assert 0.0 <= command.forward_m_s <= 0.3
+        assert abs(command.turn_rad_s) <= 0.5
+        if command.kind == "go":
+            going += 1
+            assert grid.is_free(command.xy_world[None])[0]
+            assert grid.is_free(home.robot.xy[None])[0]
+        home.robot.drive(command)
+    assert going > 20
+
+
+def test_the_next_query_knows_where_it_was_found():
+    home = Home(now=SHELF)
+    assert home.search().found
+    labels = {anchor.id: [v.label for v in anchor.volatiles] for anchor in home.navigator.abstract_map.anchors}
+    assert labels == {TABLE: [], COUNTER: [], DESK: [], SHELF: ["mug"]}
+    home.robot.xy, home.robot.yaw_rad = np.array([2.0, 1.5]), 0.0
+    outcome = home.search("a mug")
+    assert outcome.found
+    assert gone_to(outcome) == [SHELF]
+
+
+def test_what_was_seen_before_this_search_is_no_match():
+    home = Home()
+    assert home.search().found
+    home.mapper.things = [thing for thing in home.mapper.things if thing is not home.mug]
+    home.mapper.snapshot = lambda snapshot=home.mapper.snapshot, mug=home.mug: _with(home.mapper, mug, snapshot)
+    outcome = home.search()
+    assert outcome.ending == "not_found"
+    assert outcome.attempts[0].found_id is None
+
+
+def _with(mapper, gone, snapshot):
+    """A local map that never forgets: the thing that is gone is still in it, as it was when it was last seen."""
+    local = snapshot()
+    local.landmarks += (mapper._landmark(gone),)
+    return local
+
+
+def test_another_query_in_the_middle_keeps_what_was_seen():
+    home = Home(mapped=DESK, now=TABLE, start=(1.0, 2.0))
+    home.navigator.ask("shelf")
+    for _ in range(60):
+        home.robot.drive(home.navigator.step(home.robot.frame()))
+    assert home.navigator.outcome is None
+    outcome = home.search("mug")
+    assert outcome.found
+    assert [v.label for a in home.navigator.abstract_map.anchors if a.id == TABLE for v in a.volatiles] == ["mug"]
+
+
+def test_the_original_map_stays_as_it_was():
+    home = Home(now=SHELF, strategy="original")
+    before = home.navigator.abstract_map
+    outcome = home.search()
+    assert home.navigator.abstract_map is before
+    assert gone_to(outcome) == [TABLE, COUNTER, DESK], "equal scores: by id, and no match elsewhere is taken"
+    assert outcome.ending == "not_found"
+
+
+def test_random_picks_follow_the_seed():
+    def picks(seed):
+        return gone_to(Home(now=None, strategy="random", attempts=4, views=1, seed=seed).search())
+
+    orders = [picks(seed) for seed in range(4)]
+    assert picks(1) == orders[1]
+    assert all(sorted(order) == [TABLE, COUNTER, DESK, SHELF] for order in orders)
+    assert len({tuple(order) for order in orders}) > 1
+
+
+@pytest.mark.parametrize("rule", ["highest", "same_class"])
+def test_the_paper_and_the_public_code_choose_by_score_and_class(rule):
+    home = Home(now=None, next_candidate=rule, opportunistic="never", views=1)
+    assert gone_to(home.search()) == [TABLE, COUNTER, DESK]
+
+
+def test_it_can_be_asked_where_it_is_and_was():
+    home = Home()
+    assert home.navigator.path_world.shape == (0, 2)
+    outcome = home.search()
+    assert len(home.navigator.trace_world) == outcome.steps
+    np.testing.assert_allclose(home.navigator.path_world[-1], home.robot.xy, atol=0.1)
+    assert outcome.attempts[0].path_world.shape[1] == 2
+    assert home.navigator.log[-1].endswith(f"found: {outcome.reason}")
+
+
+@pytest.mark.parametrize(("relation", "found"), [("next to", True), ("on", False)])
+def test_a_thing_that_stood_beside_its_anchor_is_looked_for_there(relation, found):
+    things = furniture()
+    lamp = Volatile("lamp", EMBEDDER.embed_text(["lamp"])[0], relation, 30)
+    given = abstract_map(things, [])
+    anchors = tuple(replace(anchor, volatiles=(lamp,)) if anchor.id == TABLE else anchor for anchor in given.anchors)
+    robot = Robot()
+    mapper = SeeingMapper(robot, [*things, Thing(30, "lamp", (1.5, 2.85, 0.3), (0.2, 0.2, 0.6))])
+    settings = NavigationSettings(attempts=1, opportunistic="never")
+    navigator = Navigator(replace(given, anchors=anchors), mapper, EMBEDDER, settings)
+    navigator.ask("lamp")
+    assert drive(navigator, robot).found == found
+
+
+def test_a_map_without_a_layout():
+    things = furniture()
+    with pytest.raises(MapError, match="no layout"):
+        Navigator(AbstractMap(abstract_map(things, []).anchors), SeeingMapper(Robot(), things), EMBEDDER)
+
+
+def test_a_map_of_another_embedder():
+    things = furniture()
+    given = abstract_map(things, [])
+    other = AbstractMap(given.anchors, given.layout, given.rooms, "clip")
+    with pytest.raises(MapError, match="'words' for a map of 'clip'"):
+        Navigator(other, SeeingMapper(Robot(), things), EMBEDDER)
+
+
+def test_planners_come_together():
+    things = furniture()
+    with pytest.raises(ConfigError, match="all three or none"):
+        Navigator(abstract_map(things, []), SeeingMapper(Robot(), things), EMBEDDER, far=NoWay())

@@ -34,8 +34,8 @@ def most_learned(options: Sequence[Option], seen: Mapping[int, float], near_m: f
 
     A thing that is not where it was and was not seen on the way is where nobody has looked. So a place is worth the sum, over all anchors
     within ``near_m`` of it that are still open, of what was not seen of them yet, each weighed from 0.5 to 1 by its score among the
-    options (Eq 5: a table with fruit on it is likelier to have the banana); divided by 1 + way / ``travel_m``. Where everything was seen,
-    the highest score decides, as in the paper.
+    options (Eq 5: a table with fruit on it is likelier to have the banana); times what was not seen of the anchor itself; divided by
+    1 + way / ``travel_m``. Where everything was seen, the highest score decides, as in the paper.
 
     Args:
         options: at least one.
@@ -52,7 +52,7 @@ def most_learned(options: Sequence[Option], seen: Mapping[int, float], near_m: f
     middles = np.array([option.anchor.xy_world for option in options])
     near = np.linalg.norm(places[:, None] - middles, axis=2) <= near_m
     np.fill_diagonal(near, True)
-    worth = (near * weight).sum(axis=1) * unseen / (1.0 + np.array([option.way_m for option in options]) / travel_m)
+    worth = unseen * (near * weight).sum(axis=1) / (1.0 + np.array([option.way_m for option in options]) / travel_m)
     if worth.max() <= 1e-9:
         worth = scores
     return max(zip(options, worth, strict=True), key=lambda pair: (pair[1], pair[0].candidate.score, -pair[0].anchor.id))[0]

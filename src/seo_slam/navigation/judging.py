@@ -4,7 +4,7 @@ import numpy as np
 
 from seo_slam.abstraction.abstract_map import AbstractMap, Anchor
 from seo_slam.geometry import FloatArray
-from seo_slam.navigation.local_match import Match, center_of, is_at, ranked
+from seo_slam.navigation.local_match import Match, center_of, is_at, ranked, stood_beside
 from seo_slam.navigation.outcomes import Candidate
 from seo_slam.navigation.query import Query, room_at, room_ids
 from seo_slam.navigation.senses import Senses
@@ -42,7 +42,7 @@ class Judge:
 
     def best_at(self, anchor: Anchor, candidate: Candidate | None = None) -> Match | None:
         """Return what is most like the query at an anchor, confident or not; None if nothing was seen there."""
-        beside_m = _NEXT_TO_M if candidate is not None and _stood_beside(anchor, candidate) else _BESIDE_M
+        beside_m = _NEXT_TO_M if candidate is not None and stood_beside(anchor, candidate) else _BESIDE_M
         at = [row for row in self._senses.landmarks if is_at(row, anchor, self._settings.box_growth, beside_m)]
         rows = ranked([row for row in at if row.id not in self.rejected], self._feature)
         often = [row for row in rows if self._senses.observations(row.landmark) >= self._settings.local_observations]
@@ -66,12 +66,16 @@ class Judge:
         return next(iter(ranked(self._senses.landmarks, self._feature)), None)
 
     def again(self, match: Match) -> Match | None:
-        """Return a match as the map has it by now: the same landmark, or the one in its place that fits best; None if it fits no more."""
+        """Return a match as the map has it by now: the same landmark, or the one in its place that fits best; None if it fits no more.
+
+        A score that only wobbles about ``required`` with the last few looks does not undo a match: half the margin is allowed for it.
+        """
+        least = max(self.required - 0.5 * self._settings.margin, self._settings.least_score)
         place = center_of(match.landmark)
-        rows = ranked([row for row in self._senses.landmarks if row.id not in self.rejected], self._feature)
+        rows = ranked(self._senses.landmarks, self._feature)
         here = [row for row in rows if row.landmark.id == match.landmark.id]
         here = here or [row for row in rows if np.linalg.norm(center_of(row.landmark) - place) <= _SAME_THING_M]
-        return next((row for row in here if row.score >= self.required), None)
+        return next((row for row in here if row.score >= least), None)
 
     def _holds(self, match: Match, observations: int) -> bool:
         return match.score >= self.required and self._senses.observations(match.landmark) >= observations
@@ -81,9 +85,3 @@ class Judge:
             return True
         xy = center_of(match.landmark)[:2]
         return room_at(abstract_map.layout, xy, xy) in room_ids(abstract_map.rooms, self._query.room)
-
-
-def _stood_beside(anchor: Anchor, candidate: Candidate) -> bool:
-    """Whether what scored stood next to the anchor, not on it."""
-    labels = [volatile.relation for volatile in anchor.volatiles if volatile.label == candidate.because]
-    return candidate.volatile and bool(labels) and all(relation == "next to" for relation in labels)

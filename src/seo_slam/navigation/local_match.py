@@ -7,8 +7,11 @@ import numpy as np
 
 from seo_slam.abstraction.abstract_map import Anchor
 from seo_slam.geometry import FloatArray
+from seo_slam.navigation.outcomes import Candidate
 from seo_slam.navigation.query import cosine
 from seo_slam.types import Landmark
+
+_LOW_M = 0.3  # above the floor: things that stand on it are seen from here up
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -60,6 +63,17 @@ def is_at(landmark: Landmark, anchor: Anchor, growth: float, beside_m: float = 0
     middle = 0.5 * (own_low + own_high)
     inside = bool((middle >= low - grown).all() and (middle <= high + grown).all())
     return inside or bool((anchor.xy_world >= own_low).all() and (anchor.xy_world <= own_high).all())
+
+
+def stood_beside(anchor: Anchor, candidate: Candidate) -> bool:
+    """Whether what made an anchor a candidate stood next to it, not on it."""
+    relations = [volatile.relation for volatile in anchor.volatiles if volatile.label == candidate.because]
+    return candidate.volatile and bool(relations) and all(relation == "next to" for relation in relations)
+
+
+def look_at_z_m(anchor: Anchor, candidate: Candidate) -> float:
+    """Return the height at which a candidate is to be looked for: the anchor's top, or near the floor for what stood beside it."""
+    return min(anchor.support_z_m, anchor.z_range_m[0] + _LOW_M) if stood_beside(anchor, candidate) else anchor.support_z_m
 
 
 def center_of(landmark: Landmark) -> FloatArray:

@@ -57,7 +57,15 @@ class Eye:
         return float(abs(over) / np.tan(abs(steepest)))
 
 
-def viewpoints(anchor: Anchor, eye: Eye, from_xy: FloatArray, grid: Grid, layout: Layout, before: Sequence[FloatArray] = ()) -> FloatArray:
+def viewpoints(
+    anchor: Anchor,
+    eye: Eye,
+    from_xy: FloatArray,
+    grid: Grid,
+    layout: Layout,
+    before: Sequence[FloatArray] = (),
+    z_m: float | None = None,
+) -> FloatArray:
     """Return (N, 2) places on the free floor to look at an anchor from, best first, connected with where the robot is.
 
     A good place is as near as the whole near edge of the top is still in view, in the anchor's own room, without a wall between, and not
@@ -70,12 +78,13 @@ def viewpoints(anchor: Anchor, eye: Eye, from_xy: FloatArray, grid: Grid, layout
         grid: the free floor.
         layout: its walls and rooms.
         before: places it was looked at from; another one is from another side.
+        z_m: height that is to be in view; None: that of its top.
     """
     low, high = anchor.bounds_world
     xy = _free_around(low - _FARTHEST_M, high + _FARTHEST_M, _STEP_M, grid)
     rows = anchor.footprint_world[:: max(len(anchor.footprint_world) // 64, 1)]
     away = np.linalg.norm(xy[:, None] - rows, axis=2).min(axis=1, initial=np.inf)
-    best_m = float(np.clip(eye.nearest_m(anchor.support_z_m), _NEAR_M, _FAR_M))
+    best_m = float(np.clip(eye.nearest_m(anchor.support_z_m if z_m is None else z_m), _NEAR_M, _FAR_M))
     kept = (away <= _FARTHEST_M) & _from_another_side(xy, anchor.xy_world, before)
     xy, away = xy[kept], away[kept]
     cost = _TOO_NEAR * np.maximum(best_m - away, 0.0) + _TOO_FAR * np.maximum(away - best_m, 0.0)

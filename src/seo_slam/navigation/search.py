@@ -8,7 +8,7 @@ from seo_slam.abstraction.abstract_map import Anchor
 from seo_slam.errors import NoPathError
 from seo_slam.geometry import FloatArray
 from seo_slam.navigation.judging import Judge
-from seo_slam.navigation.local_match import Match, center_of, is_at
+from seo_slam.navigation.local_match import Match, center_of, is_at, look_at_z_m
 from seo_slam.navigation.looking import heading_to, headings_over, in_sight, nearest_turn
 from seo_slam.navigation.memory import Memory
 from seo_slam.navigation.moves import Moves
@@ -21,6 +21,9 @@ from seo_slam.settings.navigation import NavigationSettings
 
 NOWHERE = -1
 """``Candidate.anchor_id`` of a match that is on no anchor."""
+
+_APPROACHES = 2
+_MOVED_M = 0.25  # a match whose place the map corrected by more is gone to again
 
 
 class Search:
@@ -102,7 +105,7 @@ class Search:
         anchor = self._memory.anchor(candidate.anchor_id)
         self._log(f"to the {anchor.label} {anchor.id} because of the {candidate.because} ({candidate.score:.2f})")
         try:
-            path = self._ways.to_see(anchor, self._senses.eye, self._senses.stance.xy_world)
+            path = self._ways.to_see(anchor, self._senses.eye, self._senses.stance.xy_world, z_m=look_at_z_m(anchor, candidate))
         except NoPathError as error:
             self._memory.done_with(anchor, looked_at=False)
             self._note(candidate, False, None, f"no path: {error}")
@@ -135,7 +138,7 @@ class Search:
             here = self._senses.stance.xy_world
             if before:
                 try:
-                    path = self._ways.to_see(anchor, self._senses.eye, here, before)
+                    path = self._ways.to_see(anchor, self._senses.eye, here, before, look_at_z_m(anchor, candidate))
                 except NoPathError:
                     break
                 walked = yield from self.moves.walk(path, enough)
@@ -168,25 +171,32 @@ class Search:
     def _approach(self, match: Match) -> Generator[Command, None, tuple[bool, str]]:
         """Go right before a match and face it; it is ``found`` if it still is one then. Returns whether it was come to, and what it was."""
         self._judge.rejected.add(match.landmark.id)
-        target = center_of(match.landmark)[:2]
-        try:
-            path = self._ways.to_stop(target, self._senses.stance.xy_world, self._settings.approach_m)
-        except NoPathError as error:
-            return False, f"no path to the {match.label}: {error}"
-        walked = yield from self.moves.walk(path)
-        if walked == "blocked" and np.linalg.norm(target - self._senses.stance.xy_world) > self._settings.approach_m:
-            return False, f"no path to the {match.label}: the way is blocked"
-        yield from self.moves.turn(heading_to(target, self._senses.stance.xy_world))
+        for _ in range(_APPROACHES):
+            target = center_of(match.landmark)
+            try:
+                path = self._ways.to_stop(target[:2], self._senses.stance.xy_world, self._settings.approach_m)
+            except NoPathError as error:
+                return False, f"no path to the {match.label}: {error}"
+            walked = yield from self.moves.walk(path)
+            if walked == "blocked" and np.linalg.norm(target[:2] - self._senses.stance.xy_world) > self._settings.approach_m:
+                return False, f"no path to the {match.label}: the way is blocked"
+            yield from self._face(target)
+            still = self._judge.again(match) if self._settings.verify else match
+            if still is None:
+                return True, f"the {match.label} turned out to be something else"
+            match = still
+            if np.linalg.norm(center_of(match.landmark)[:2] - target[:2]) <= _MOVED_M:
+                break
         self._judge.rejected.discard(match.landmark.id)
-        still: Match | None = match
-        if self._settings.verify:
+        self.found = match
+        return True, f"the {match.label} is what was asked for"
+
+    def _face(self, target: FloatArray) -> Generator[Command, None, None]:
+        """Turn to a place (3,), and look at it once more if it is in view from here."""
+        xy = self._senses.stance.xy_world
+        yield from self.moves.turn(heading_to(target[:2], xy))
+        if self._settings.verify and np.linalg.norm(target[:2] - xy) >= self._senses.eye.nearest_m(float(target[2])):
             yield from self.moves.dwell()
-            still = self._judge.again(match)
-        if still is None:
-            self._judge.rejected.add(match.landmark.id)
-            return True, f"the {match.label} turned out to be something else"
-        self.found = still
-        return True, f"the {still.label} is what was asked for"
 
     def _clear(self) -> Match | None:
         """A clear match anywhere, if such are taken by now."""

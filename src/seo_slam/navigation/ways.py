@@ -14,6 +14,7 @@ from seo_slam.navigation.parts import Grid, Planner
 
 _WORSE_VIEW_M = 0.5  # the next best place to look from is taken if its way is so much shorter
 _PLACES_TO_STOP = 3
+_LOCAL_M = 2.5  # what is farther off is not the last stretch
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -32,7 +33,9 @@ class Ways:
     far: Planner
     near: Planner
 
-    def to_see(self, anchor: Anchor, eye: Eye, from_xy: FloatArray, before: Sequence[FloatArray] = ()) -> FloatArray:
+    def to_see(
+        self, anchor: Anchor, eye: Eye, from_xy: FloatArray, before: Sequence[FloatArray] = (), z_m: float | None = None
+    ) -> FloatArray:
         """Return a path (N, 2) to a place from which an anchor's top is seen.
 
         Args:
@@ -40,11 +43,12 @@ class Ways:
             eye: of the robot.
             from_xy: (2,) where the robot is.
             before: places that it was looked at from.
+            z_m: height that is to be in view; None: that of its top.
 
         Raises:
             NoPathError: there is no such place, or no way leads to any.
         """
-        places = viewpoints(anchor, eye, from_xy, self.grid, self.layout, before)
+        places = viewpoints(anchor, eye, from_xy, self.grid, self.layout, before, z_m)
         if not len(places):
             raise NoPathError(f"no free floor from which the {anchor.label} {anchor.id} is seen can be come to")
         paths: list[tuple[float, FloatArray]] = []
@@ -62,7 +66,7 @@ class Ways:
     def to_stop(self, target_xy: FloatArray, from_xy: FloatArray, within_m: float) -> FloatArray:
         """Return a path (N, 2) to the free place nearest to a thing: by the local planner, from where the robot is.
 
-        Where that finds none among its samples the global planner is asked.
+        The global planner is asked where that finds none among its samples, and first where the thing is far off.
 
         Raises:
             NoPathError: there is no free place within ``within_m``, or no way leads to the nearest few.
@@ -74,7 +78,8 @@ class Ways:
         for place in places[:_PLACES_TO_STOP]:
             if np.linalg.norm(place - from_xy) < 1e-6:
                 return np.stack([from_xy, place])
-            for planner in (self.near, self.far):
+            last_stretch = np.linalg.norm(place - from_xy) <= _LOCAL_M
+            for planner in (self.near, self.far) if last_stretch else (self.far, self.near):
                 try:
                     return planner.path(from_xy, place)
                 except NoPathError as error:
