@@ -44,9 +44,9 @@ def robust_means(rows: FloatArray, counts: list[int]) -> tuple[FloatArray, Float
     # The squared residual of a point at m is linear in the products of m's coordinates, in m, and in 1.
     squared = np.column_stack([upper, pulled[:, 6:], np.einsum("ni,ni->n", p, pulled[:, 6:])])
     mean, going = np.zeros_like(middle), np.ones(len(counts), dtype=np.bool_)
-    last = np.zeros_like(middle)
+    last, factors = np.zeros_like(middle), np.ones((len(counts), COLUMNS))
     for _ in range(_MOST_STEPS):
-        factors = np.column_stack([_products(mean), -2.0 * mean, np.ones(len(mean))])
+        factors[:, :6], factors[:, 6:9] = _products(mean), -2.0 * mean
         weights = 1.0 / (1.0 + looseness * np.einsum("ni,ni->n", squared, factors[group]))
         better, weighted = _solve(np.add.reduceat(weights[:, None] * pulled, first))
         step = better - mean
@@ -70,7 +70,7 @@ def _lengthened(step: FloatArray, last: FloatArray) -> FloatArray:
     (Each step goes to the lowest point of a parabola above the loss that touches it; up to twice as far that parabola is lower, too.)
     """
     shrinks = np.einsum("li,li->l", step, last) / np.maximum(np.einsum("li,li->l", last, last), 1e-30)
-    return np.asarray(step / (1.0 - np.clip(shrinks, 0.0, 0.49))[:, None], dtype=np.float64)
+    return np.asarray(step / (1.0 - np.minimum(np.maximum(shrinks, 0.0), 0.49))[:, None], dtype=np.float64)
 
 
 def square(upper: FloatArray) -> FloatArray:
