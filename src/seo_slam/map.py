@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from seo_slam import registry
+from seo_slam.abstraction.abstract_map import AbstractMap
+from seo_slam.abstraction.files import abstract_map_from
 from seo_slam.config import Component
 from seo_slam.errors import BackendError, ConfigError, MapError, MapFormatError, MissingBackendError, UnknownLandmarkError
 from seo_slam.geometry import FloatArray
@@ -53,12 +55,20 @@ class Map:
         gravity: "poses" if z is up as in the poses of the recording, else "unknown".
         embedder: name of the model that embeds labels; "" if none is known.
         next_id: the lowest id never used; at least the highest id here plus 1, which is the default.
+        abstract: anchors, what is on them, and the layout of the floor; None where there is none.
 
     Raises:
         MapError: two landmarks have one id, or gravity is another word.
     """
 
-    def __init__(self, landmarks: Iterable[Landmark] = (), gravity: Gravity = "unknown", embedder: str = "", next_id: int = 0) -> None:
+    def __init__(
+        self,
+        landmarks: Iterable[Landmark] = (),
+        gravity: Gravity = "unknown",
+        embedder: str = "",
+        next_id: int = 0,
+        abstract: AbstractMap | None = None,
+    ) -> None:
         if gravity not in get_args(Gravity):
             raise MapError(f"gravity: got {gravity!r}, wanted one of {', '.join(get_args(Gravity))}")
         rows = sorted((_frozen(landmark) for landmark in landmarks), key=lambda landmark: landmark.id)
@@ -70,6 +80,7 @@ class Map:
         self._gravity: Gravity = gravity
         self._embedder = embedder
         self._next_id = max(next_id, rows[-1].id + 1 if rows else 0)
+        self._abstract = abstract
         self._embedder_in_use: Embedder | None = None
         self._vectors: tuple[str, FloatArray] | None = None
 
@@ -96,7 +107,8 @@ class Map:
     def _from_json(cls, path: Path) -> Self:
         document = read_document(path)
         rows = [landmark_from(row) for row in (*document.landmarks, *document.tentative)]
-        loaded = cls(rows, document.gravity, document.embedder, document.next_id)
+        abstract = None if document.abstract is None else abstract_map_from(document.abstract)
+        loaded = cls(rows, document.gravity, document.embedder, document.next_id, abstract)
         store = path.with_name(STORE_FILE)
         return loaded._with_stored_embeddings(store) if store.is_file() else loaded
 
@@ -123,7 +135,7 @@ class Map:
             other = stored._by_id.get(row.id)
             same = other is not None and _same_words(row, other)
             rows.append(replace(row, embedding=other.embedding) if other is not None and same else row)
-        return type(self)(rows, self._gravity, self._embedder, self._next_id)
+        return type(self)(rows, self._gravity, self._embedder, self._next_id, self._abstract)
 
     @property
     def landmarks(self) -> tuple[Landmark, ...]:
@@ -149,6 +161,11 @@ class Map:
     def next_id(self) -> int:
         """The lowest landmark id that was never used."""
         return self._next_id
+
+    @property
+    def abstract(self) -> AbstractMap | None:
+        """Anchors, what is on them, and the layout of the floor; None if the map has none. Not in map.db."""
+        return self._abstract
 
     def __len__(self) -> int:
         return len(self._landmarks)
@@ -208,7 +225,11 @@ class Map:
         rows = list(self._by_id.values())
         vectors = self._embed(rows, embedder)
         filled = (replace(row, embedding=vector) for row, vector in zip(rows, vectors, strict=True))
-        return type(self)(filled, self._gravity, embedder.name, self._next_id)
+        return type(self)(filled, self._gravity, embedder.name, self._next_id, self._abstract)
+
+    def with_abstract(self, abstract_map: AbstractMap | None) -> Self:
+        """Return this map with another abstract map, or with none."""
+        return type(self)(self._by_id.values(), self._gravity, self._embedder, self._next_id, abstract_map)
 
     def save(self, folder: str | Path) -> Path:
         """Write ``map.json`` into a folder (made if missing) and return its path; at no moment is a half-written file there.
@@ -224,9 +245,9 @@ class Map:
         """Return the bytes of map.json; the same map gives the same bytes.
 
         Raises:
-            MapError: a landmark holds NaN or a covariance that is none.
+            MapError: a landmark holds NaN or a covariance that is none, or the abstract map holds NaN or ids that do not rise.
         """
-        return document_bytes(make_document(self._by_id.values(), self._gravity, self._embedder, self._next_id))
+        return document_bytes(make_document(self._by_id.values(), self._gravity, self._embedder, self._next_id, self._abstract))
 
     def _own_embedder(self) -> Embedder:
         if not self._embedder:

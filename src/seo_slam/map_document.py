@@ -23,6 +23,8 @@ from pydantic import (
     model_validator,
 )
 
+from seo_slam.abstraction.abstract_map import AbstractMap
+from seo_slam.abstraction.files import AbstractDocument, abstract_document
 from seo_slam.errors import MapError, MapFormatError
 from seo_slam.types import Landmark, LandmarkState
 
@@ -103,6 +105,9 @@ class MapDocument(_Model):
     next_id: int = Field(ge=0, description="The lowest landmark id that was never used.")
     landmarks: tuple[LandmarkDocument, ...] = Field(description="Stable landmarks, by rising id.")
     tentative: tuple[LandmarkDocument, ...] = Field(description="Landmarks that are not stable, by rising id: seen too seldom, or lost.")
+    abstract: AbstractDocument | None = Field(
+        None, description="Anchors, what is on them, and the layout of the floor. Left out where there is none."
+    )
 
     @model_validator(mode="after")
     def _ids_and_states_agree(self) -> Self:
@@ -117,6 +122,11 @@ class MapDocument(_Model):
                     raise ValueError(f"landmark {row.id} is {row.state}, but stands among the {wanted} ones")
         return self
 
+    @model_serializer(mode="wrap")
+    def _without_empty_abstract(self, write: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        fields: dict[str, Any] = write(self)  # a map without it keeps the bytes it always had
+        return fields if self.abstract is not None else {key: value for key, value in fields.items() if key != "abstract"}
+
 
 def map_json_schema() -> dict[str, Any]:
     """Return the JSON schema (draft 2020-12) of map.json."""
@@ -128,11 +138,13 @@ def _without_title(schema: dict[str, Any]) -> dict[str, Any]:
     return {key: value for key, value in schema.items() if key != "title"}
 
 
-def make_document(landmarks: Iterable[Landmark], gravity: Gravity, embedder: str, next_id: int) -> MapDocument:
+def make_document(
+    landmarks: Iterable[Landmark], gravity: Gravity, embedder: str, next_id: int, abstract: AbstractMap | None = None
+) -> MapDocument:
     """Build the document of a map.
 
     Raises:
-        MapError: a landmark holds what map.json may not: NaN, a covariance that is none, an id given twice.
+        MapError: a landmark holds what map.json may not: NaN, a covariance that is none, an id given twice; or the abstract map does.
     """
     rows = sorted(landmarks, key=lambda landmark: landmark.id)
     try:
@@ -146,6 +158,7 @@ def make_document(landmarks: Iterable[Landmark], gravity: Gravity, embedder: str
                 "next_id": int(next_id),
                 "landmarks": [landmark_fields(row) for row in rows if row.state == "stable"],
                 "tentative": [landmark_fields(row) for row in rows if row.state != "stable"],
+                "abstract": None if abstract is None else abstract_document(abstract),
             }
         )
     except ValidationError as error:
@@ -199,22 +212,29 @@ def landmark_from(row: LandmarkDocument) -> Landmark:
 
 
 def document_bytes(document: MapDocument) -> bytes:
-    """Return the text of map.json: UTF-8, one line a landmark, the same bytes for the same document.
+    """Return the text of map.json: UTF-8, one line a landmark or anchor, the same bytes for the same document.
 
     Raises:
         MapError: a label is no valid Unicode.
     """
-    lines = []
-    for key, value in document.model_dump(mode="json", by_alias=True).items():
-        if isinstance(value, list) and value:
-            items = ",\n  ".join(_compact(item) for item in value)
-            lines.append(f' "{key}": [\n  {items}\n ]')
-        else:
-            lines.append(f' "{key}": {_compact(value)}')
+    text = _lines(document.model_dump(mode="json", by_alias=True), " ")
     try:
-        return ("{\n" + ",\n".join(lines) + "\n}\n").encode()
+        return f"{text}\n".encode()
     except UnicodeEncodeError as error:  # half of a surrogate pair
         raise MapError(f"the map cannot be written: a text is no valid Unicode: {error}") from error
+
+
+def _lines(fields: dict[str, Any], indent: str) -> str:
+    """A line a field, an item of a list of objects, and so on in an object of objects."""
+    lines = []
+    for key, value in fields.items():
+        if isinstance(value, list) and value and isinstance(value[0], dict):
+            items = f",\n{indent} ".join(_compact(item) for item in value)
+            text = f"[\n{indent} {items}\n{indent}]"
+        else:
+            text = _lines(value, f"{indent} ") if isinstance(value, dict) and value else _compact(value)
+        lines.append(f'{indent}"{key}": {text}')
+    return "{\n" + ",\n".join(lines) + f"\n{indent[1:]}}}"
 
 
 def _compact(value: Any) -> str:

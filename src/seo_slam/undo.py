@@ -89,7 +89,7 @@ def undo_edit(folder: str | Path, number: int) -> EditRecord:
             record = replace(record, detail=f"{record.detail}; {_warning(twins)}")
     _amend(files, Amendment(record.keyframe_id, tuple(restored), (), _events(edit, record), (record,)), len(edits))
     by_id.update({row.id: row for row in restored})
-    _write(files, Map(by_id.values(), now.gravity, now.embedder, now.next_id))
+    _write(files, Map(by_id.values(), now.gravity, now.embedder, now.next_id, now.abstract))
     return record
 
 
@@ -125,7 +125,7 @@ def _map_now(files: _Files) -> Map:
     for row in (*kept.landmarks, *kept.tentative):
         other = finer.get(row.id)
         rows.append(replace(other, embedding=row.embedding) if other is not None and _state_of(other) == _state_of(row) else row)
-    return Map(rows, written.gravity, written.embedder, max(written.next_id, kept.next_id))
+    return Map(rows, written.gravity, written.embedder, max(written.next_id, kept.next_id), written.abstract)
 
 
 def _state_of(row: Landmark) -> tuple[Any, ...]:

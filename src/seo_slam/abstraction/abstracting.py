@@ -1,0 +1,104 @@
+"""The abstract map of a concrete one (DualMap IV-A)."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from seo_slam.abstraction.abstract_map import AbstractMap, Anchor, Layout, Room, Volatile
+from seo_slam.abstraction.anchors import Mobility, features_of, words_for
+from seo_slam.abstraction.footprints import footprint, without_stray
+from seo_slam.abstraction.relations import Body, Carrier, best_relation
+from seo_slam.errors import MapError
+from seo_slam.geometry import FloatArray
+from seo_slam.interfaces import Embedder
+from seo_slam.settings.abstraction import AbstractionSettings
+from seo_slam.types import Landmark
+
+_BOX_STEP_M = 0.05
+_MOST_STEPS = 60
+
+
+def abstract(
+    landmarks: Sequence[Landmark],
+    embedder: Embedder,
+    settings: AbstractionSettings,
+    layout: Layout | None = None,
+    rooms: tuple[Room, ...] = (),
+) -> AbstractMap:
+    """Return the abstract map of landmarks: those that rarely move, each with the features of what belongs to it.
+
+    A volatile thing that belongs to no anchor, or of which neither a word nor a feature is known, is left out. A landmark without a cloud
+    is taken for its box.
+
+    Args:
+        landmarks: the trusted (stable) ones, in any order, world frame with z up.
+        embedder: made, or can make, the embeddings of the landmarks.
+        settings: what is an anchor, and what belongs to it.
+        layout: of the floor, kept with the map.
+        rooms: of the layout.
+
+    Raises:
+        MapError: an id is given twice, or a place is not finite.
+    """
+    rows = sorted(landmarks, key=lambda landmark: landmark.id)
+    ids = [row.id for row in rows]
+    if len(set(ids)) != len(ids):
+        raise MapError(f"abstract map: a landmark id is given twice: {ids}")
+    mobility = Mobility(embedder, settings)
+    features = features_of(rows, embedder)
+    clouds = [_cloud(row) for row in rows]
+    large = [_is_large(cloud, settings) for cloud in clouds]
+    static = [mobility.of_landmark(words_for(row), row.embedding, big) for row, big in zip(rows, large, strict=True)]
+    solid = (without_stray(cloud, settings.footprint_voxel_m) if still else cloud for cloud, still in zip(clouds, static, strict=True))
+    bodies = [Body.of(cloud, still) for cloud, still in zip(solid, static, strict=True)]
+    anchors = [i for i in range(len(rows)) if static[i]]
+    carriers = [Carrier.of(bodies[i], settings) for i in anchors]
+    volatiles: list[list[Volatile]] = [[] for _ in anchors]
+    for i, row in enumerate(rows):
+        related = None if static[i] or not features[i].any() else best_relation(bodies[i], carriers, settings)
+        if related is not None:
+            volatiles[related[0]].append(Volatile(row.label, features[i], related[1], row.id))
+    made = (
+        _anchor(rows[i], features[i], carrier, tuple(carried), settings)
+        for i, carrier, carried in zip(anchors, carriers, volatiles, strict=True)
+    )
+    return AbstractMap(tuple(made), layout, tuple(rooms), embedder.name)
+
+
+def _anchor(row: Landmark, feature: FloatArray, carrier: Carrier, volatiles: tuple[Volatile, ...], settings: AbstractionSettings) -> Anchor:
+    body = carrier.body
+    return Anchor(
+        id=row.id,
+        label=row.label,
+        feature=feature,
+        footprint_world=footprint(body.p_world, settings.footprint_voxel_m),
+        points=len(body.p_world),
+        z_range_m=(float(body.low_world[2]), float(body.high_world[2])),
+        support_z_m=carrier.support_z_m,
+        volatiles=volatiles,
+    )
+
+
+def _is_large(p_world: FloatArray, settings: AbstractionSettings) -> bool:
+    body = Body.of(p_world, anchor=False)
+    sides_m = body.high_world - body.low_world
+    enough = sides_m[:2].max() >= settings.large_side_m and sides_m[2] >= settings.large_height_m
+    return bool(enough and sides_m.max() <= settings.large_most_m)
+
+
+def _cloud(row: Landmark) -> FloatArray:
+    """The cloud (N, 3) of a landmark, world frame; points on its box where it has none."""
+    p_world = np.asarray(row.cloud_world, dtype=np.float64).reshape(-1, 3)
+    position_m, size_m = np.asarray(row.position_m, dtype=np.float64), np.asarray(row.size_m, dtype=np.float64)
+    if not len(p_world) and np.isfinite(size_m).all():
+        p_world = position_m + _box_surface(size_m)
+    if not len(p_world) or not np.isfinite(p_world).all():
+        raise MapError(f"abstract map: landmark {row.id} is at no finite place")
+    return p_world
+
+
+def _box_surface(size_m: FloatArray) -> FloatArray:
+    """Points (N, 3) on a box around the origin."""
+    steps = np.clip(np.ceil(size_m / _BOX_STEP_M), 1, _MOST_STEPS).astype(np.int64)
+    grid = np.stack(np.meshgrid(*(np.linspace(-0.5, 0.5, n + 1) for n in steps), indexing="ij"), axis=-1).reshape(-1, 3)
+    return np.asarray(grid[np.abs(grid).max(axis=1) >= 0.5 - 1e-9] * size_m)
