@@ -32,6 +32,7 @@ ORDER = (
     "datasets",
     "simulation",
     "map_document",
+    "map_clouds",
     "map",
     "map_export",
     "undo",

@@ -34,7 +34,7 @@ def blobs(rng, count, most):
     return [rng.uniform(0, 0.6, 3) + rng.normal(0, 0.05, (rng.integers(0, most + 1), 3)) for _ in range(count)]
 
 
-@settings(max_examples=100)
+@settings(max_examples=100, deadline=None)
 @given(st.integers(0, 10**6), st.integers(0, 6), st.integers(0, 8), st.floats(1e-3, 0.3), st.booleans())
 def test_shares_are_those_of_the_definition(seed, K, N, distance_m, each_its_own):
     rng = np.random.default_rng(seed)

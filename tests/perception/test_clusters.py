@@ -33,7 +33,7 @@ def dbscan_by_loop(p_m, weights, neighbour_m, least_weight):
     return cluster == np.argmax([weights[cluster == name].sum() for name in range(names)])
 
 
-@settings(max_examples=150)
+@settings(max_examples=150, deadline=None)
 @given(st.integers(0, 10**6), st.integers(1, 120), st.floats(0.15, 2.0), st.integers(1, 12), st.integers(1, 4))
 def test_cells_are_clustered_as_by_dbscan(seed, count, side_m, least_weight, owners_count):
     rng = np.random.default_rng(seed)
@@ -49,6 +49,7 @@ def test_cells_are_clustered_as_by_dbscan(seed, count, side_m, least_weight, own
         assert mine[own].tolist() == wanted.tolist()
 
 
+@settings(deadline=None)
 @given(st.integers(0, 10**6), st.integers(1, 200), st.floats(0.1, 1.5))
 def test_all_pairs_of_neighbours_are_found(seed, count, side_m):
     rng = np.random.default_rng(seed)

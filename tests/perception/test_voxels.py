@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
@@ -18,6 +18,7 @@ def groups_by_loop(cells, owners):
 
 # 10**7 along each axis does not fit into one number: the other way of sorting
 @pytest.mark.parametrize("reach", [3, 10**7])
+@settings(deadline=None)
 @given(data=st.data())
 def test_groups_are_those_of_a_loop(reach, data):
     M = data.draw(st.integers(1, 30))
@@ -47,6 +48,7 @@ def test_a_cell_reaches_from_its_corner_up_to_the_next():
     assert voxel_cells(p_m, 0.02).tolist() == [[0, 0, 1], [-1, -1, -2]]
 
 
+@settings(deadline=None)
 @given(st.integers(0, 10**6))
 def test_means_are_those_of_the_points_of_each_voxel(seed):
     rng = np.random.default_rng(seed)
