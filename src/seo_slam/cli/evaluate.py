@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 import seo_slam
+from seo_slam.cli.segmentation import segmentation
 from seo_slam.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -92,6 +93,9 @@ def landmarks(
     else:
         written = [f"written: {file}" for file in (report, svg) if file is not None]
         typer.echo("\n".join([*_landmark_lines(result, aligned), *written]))
+
+
+app.command("segmentation")(segmentation)
 
 
 def _path_of(map_folder: Path, aligned: "ApeResult | None") -> "Trajectory | None":

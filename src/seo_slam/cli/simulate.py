@@ -24,6 +24,7 @@ def simulate(
     frames: Annotated[int | None, typer.Option(min=2, help="How many frames; default: as many as suit the world.")] = None,
     size: Annotated[str, typer.Option(metavar="WxH", help="Size of the images, pixels.")] = "320x240",
     changes: Annotated[bool, typer.Option("--changes/--no-changes", help="Whether things are taken away and moved meanwhile.")] = True,
+    truth_cloud: Annotated[bool, typer.Option("--truth-cloud", help="Also write the true points, for `eval segmentation`.")] = False,
 ) -> None:
     """Write a simulated recording in TUM layout: noisy depth, drifting odometry, detections with masks, and the truth."""
     from seo_slam.simulation.named import known_name
@@ -34,7 +35,16 @@ def simulate(
     require_empty(out)  # a large room takes a while to furnish
     recording = make(name, seed=seed, level=level, meshes=meshes, frames=frames, width=width, height=height, changes=changes)
     write_recording(recording, out, with_progress(recording, len(recording), "drawing"))
+    if truth_cloud:
+        _write_truth_cloud(recording, out)
     typer.echo(_summary(known_name(name), recording, out))
+
+
+def _write_truth_cloud(recording: "SimulatedRecording", folder: Path) -> None:
+    from seo_slam.simulation.labelled_cloud import labelled_cloud
+    from seo_slam.simulation.truth_cloud import TRUTH_CLOUD_FILE, write_labelled_cloud
+
+    write_labelled_cloud(folder / TRUTH_CLOUD_FILE, labelled_cloud(recording))
 
 
 def _size(text: str) -> tuple[int, int]:

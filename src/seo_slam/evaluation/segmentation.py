@@ -103,6 +103,7 @@ def _scored(
         dropped=tuple(bool(value) for value in dropped),
         confusion=confusion,
         called=tuple(int(index) for index in called),
+        owners=tuple(owners),
         covered=near.covered(rows),
         counts=_counts(truth, dropped, called, owners, near.holders(truth, rows)),
         embedder=words.embedder,

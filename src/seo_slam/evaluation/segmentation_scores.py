@@ -25,7 +25,7 @@ COUNTED = {
     "duplicates": "further predicted objects on a matched thing: pieces and copies",
     "of_dropped": "predicted objects on things of dropped classes (pieces of wall that are called something else)",
     "of_nothing": "predicted objects on no one thing: mixtures, and what is not there",
-    "swallowed": "missed things most of whose points are nearest to an object of something else; the other missed ones have no object near",
+    "swallowed": "missed things within 5 cm of an object of something else, which gets most of their points; nothing is near the others",
     "rightly_called": "predicted objects on a thing that are called by its class",
     "covered": "share of true points with a predicted point within 5 cm",
 }
@@ -95,6 +95,7 @@ class SegmentationResult:
         dropped: K, whether the protocol drops it.
         confusion: (K, K + 1) points by true and by predicted class; the last column is ``NO_CLASS``.
         called: the class of each object, K for ``NO_CLASS``.
+        owners: the true thing that each object is by its points; None where it is none.
         covered: share of true points with a predicted one nearby.
         counts: objects against things.
         embedder, templates: how class names were turned into vectors.
@@ -105,6 +106,7 @@ class SegmentationResult:
     dropped: tuple[bool, ...]
     confusion: IntArray = field(repr=False)
     called: tuple[int, ...] = field(repr=False)
+    owners: tuple[int | None, ...] = field(repr=False)
     covered: float
     counts: ObjectCounts
     embedder: str

@@ -10,7 +10,7 @@ from seo_slam.types import IntArray
 
 WALL, FLOOR, CEILING = "wall", "floor", "ceiling"
 _SHELLS = ("room", "walls")  # one thing for several sides of a room
-_PARTS = (WALL, FLOOR, CEILING, "window", "door")  # "house wall b" is a wall
+_PARTS = (WALL, FLOOR, CEILING, "window")  # "house wall b" is a wall
 _NEAR_M = 0.015
 
 
