@@ -1,0 +1,164 @@
+"""Where the middle of a round robot may be: the layout, grown by the robot's radius, with exact tests of points and segments."""
+
+from functools import cached_property
+
+import numpy as np
+from scipy import ndimage
+from scipy.spatial import cKDTree
+
+from seo_slam.abstraction.abstract_map import Layout
+from seo_slam.errors import ConfigError
+from seo_slam.geometry import FloatArray
+from seo_slam.types import BoolArray, IntArray
+
+EIGHT = np.ones((3, 3), dtype=np.bool_)
+"""Cells that meet at a corner are neighbours: a robot may pass from one to the other, since both are free up to their edge."""
+
+_CORNER = 1e-9  # of a cell: a segment that crosses two lines of the grid so near to each other goes through a corner
+_ESCAPE_CELLS = 2
+
+
+class NavigationGrid:
+    """The free cells of a layout for a robot of some radius.
+
+    A cell is traversable where floor was seen and neither obstacle nor wall; what was never seen is not. A cell is free if, wherever in
+    it the robot's middle is, nothing but traversable cells lies within the radius. World frame, metres.
+
+    Attributes:
+        layout: what it was made from.
+        radius_m: of the robot.
+        cell_m: side of a cell.
+        clearance_m: (R, C) the least distance from anywhere in a cell to a cell that is not traversable.
+        free: (R, C) where the robot's middle may be.
+        parts: (R, C) number of the connected part of each free cell, 0 elsewhere.
+    """
+
+    def __init__(self, layout: Layout, radius_m: float) -> None:
+        """Grow the obstacles.
+
+        Raises:
+            ConfigError: the radius is not above 0.
+        """
+        if not (np.isfinite(radius_m) and radius_m > 0):
+            raise ConfigError(f"radius_m: got {radius_m}, wanted a length above 0")
+        self.layout = layout
+        self.radius_m = radius_m
+        self.cell_m = layout.cell_m
+        shut = np.pad(~(layout.floor & ~layout.obstacles & ~layout.walls), 1, constant_values=True)
+        # From anywhere in one cell to anywhere in another is as far as from its middle to the nearest middle of the 3 x 3 around that.
+        apart = ndimage.distance_transform_edt(~ndimage.binary_dilation(shut, EIGHT))
+        self.clearance_m: FloatArray = np.asarray(self.cell_m * apart[1:-1, 1:-1])
+        self.free: BoolArray = self.clearance_m >= radius_m - 1e-9
+        self.parts: IntArray = ndimage.label(self.free, EIGHT)[0].astype(np.int64)
+        self._corner = (float(layout.corner_world[0]), float(layout.corner_world[1]))
+        self._flat_clearance: list[float] = self.clearance_m.ravel().tolist()
+        self._flat_passable: list[float] = np.where(layout.obstacles | layout.walls, 0.0, 1.0).ravel().tolist()
+
+    @property
+    def free_share(self) -> float:
+        """Share of the cells that are free."""
+        return float(self.free.mean()) if self.free.size else 0.0
+
+    @cached_property
+    def free_cells(self) -> IntArray:
+        """(N, 2) row and column of all free cells."""
+        return np.argwhere(self.free)
+
+    @cached_property
+    def _free_tree(self) -> cKDTree:
+        return cKDTree(self.layout.middles(self.free_cells))
+
+    def is_free(self, xy_world: FloatArray) -> BoolArray:
+        """Return (N,) whether the robot's middle may be at points (N, 2); never outside the grid."""
+        cells = self.layout.cells(xy_world)
+        inside = ((cells >= 0) & (cells < self.free.shape)).all(axis=-1)
+        out = np.zeros(len(cells), dtype=np.bool_)
+        out[inside] = self.free[tuple(cells[inside].T)]
+        return out
+
+    def is_clear(self, a_world: FloatArray, b_world: FloatArray, least_m: float | None = None) -> bool:
+        """Return whether the robot may go straight from a (2,) to b (2,): every cell that the segment passes through is asked.
+
+        Args:
+            a_world: one end.
+            b_world: the other.
+            least_m: distance to keep from everything; None: the robot's radius.
+        """
+        least = self.radius_m if least_m is None else max(least_m, self.radius_m)
+        return self._passes(a_world, b_world, self._flat_clearance, least - 1e-9)
+
+    def clearance_along(self, points_world: FloatArray) -> FloatArray:
+        """Return (N,) clearance of the cells of points (N, 2); 0 outside the grid."""
+        cells = self.layout.cells(points_world)
+        inside = ((cells >= 0) & (cells < self.free.shape)).all(axis=-1)
+        out = np.zeros(len(cells))
+        out[inside] = self.clearance_m[tuple(cells[inside].T)]
+        return out
+
+    def nearest_free(self, xy_world: FloatArray, within_m: float) -> FloatArray | None:
+        """Return the free place nearest to a point (2,): the point itself, or the middle of a free cell; None if none is within reach."""
+        xy = np.asarray(xy_world, dtype=np.float64)[:2]
+        if self.is_free(xy[None])[0]:
+            return xy
+        if not len(self.free_cells):
+            return None
+        distance_m, index = self._free_tree.query(xy)
+        return np.asarray(self._free_tree.data[index]) if distance_m <= within_m else None
+
+    def same_part(self, a_world: FloatArray, b_world: FloatArray) -> bool:
+        """Return whether a way leads from a (2,) to b (2,) over free cells; no if one of them is not free."""
+        ends = np.stack([np.asarray(a_world, dtype=np.float64)[:2], np.asarray(b_world, dtype=np.float64)[:2]])
+        if not self.is_free(ends).all():
+            return False
+        (row_a, column_a), (row_b, column_b) = self.layout.cells(ends)
+        return bool(self.parts[row_a, column_a] == self.parts[row_b, column_b])
+
+    def way_out(self, xy_world: FloatArray) -> FloatArray | None:
+        """Return the nearest free place to which a robot that stands too near to something can go straight, touching no obstacle.
+
+        A robot that overshot by a few centimetres must be able to leave. The place is within the radius and two cells; the way to it is
+        through cells in which no obstacle was seen. None if there is no such place; the point itself (2,) where it is free.
+        """
+        xy = np.asarray(xy_world, dtype=np.float64)[:2]
+        if self.is_free(xy[None])[0]:
+            return xy
+        if not len(self.free_cells):
+            return None
+        near = self._free_tree.query_ball_point(xy, self.radius_m + _ESCAPE_CELLS * self.cell_m)
+        places = self._free_tree.data[near]
+        for place in places[np.argsort(np.linalg.norm(places - xy, axis=1), kind="stable")]:
+            if self._passes(xy, place, self._flat_passable, 0.5):
+                return np.asarray(place)
+        return None
+
+    def _passes(self, a_world: FloatArray, b_world: FloatArray, values: list[float], least: float) -> bool:
+        """Whether all cells that a segment goes through have a value of at least so much (Amanatides and Woo 1987).
+
+        Plain numbers in a loop: segments are short, and numpy costs more a call than a whole walk.
+        """
+        rows, columns = self.free.shape
+        x, y = (float(a_world[0]) - self._corner[0]) / self.cell_m, (float(a_world[1]) - self._corner[1]) / self.cell_m
+        to_x, to_y = (float(b_world[0]) - self._corner[0]) / self.cell_m, (float(b_world[1]) - self._corner[1]) / self.cell_m
+        if not (0 <= x < columns and 0 <= to_x < columns and 0 <= y < rows and 0 <= to_y < rows):
+            return False
+        column, row, last_column, last_row = int(x), int(y), int(to_x), int(to_y)
+        over_x, over_y = to_x - x, to_y - y
+        step_x, step_y = (1 if over_x > 0 else -1), (1 if over_y > 0 else -1)
+        each_x = abs(1.0 / over_x) if over_x else np.inf
+        each_y = abs(1.0 / over_y) if over_y else np.inf
+        next_x = (column + (step_x > 0) - x) / over_x if over_x else np.inf
+        next_y = (row + (step_y > 0) - y) / over_y if over_y else np.inf
+        corner = _CORNER * min(each_x, each_y)
+        while values[row * columns + column] >= least:
+            if (column == last_column and row == last_row) or min(next_x, next_y) > 1.0:
+                return bool(values[last_row * columns + last_column] >= least)
+            ahead = next_x - next_y
+            if ahead <= corner:
+                column += step_x
+                next_x += each_x
+            if ahead >= -corner:
+                row += step_y
+                next_y += each_y
+            if not (0 <= column < columns and 0 <= row < rows):
+                return bool(values[last_row * columns + last_column] >= least)
+        return False
