@@ -17,8 +17,9 @@ BINS = 16
 def merged(detections: Detections, rgb: NDArray[np.uint8], settings: HybridSettings) -> Detections:
     """Return detections in which boxes of one thing are one: joined mask and box, word, score and embedding of the best of them.
 
-    Two are of one thing if their masks overlap by more than ``merge_iou``; or if their colours are alike and their masks overlap, or
-    their boxes do under one word (``merge_words`` off: under any). What overlaps what is followed from box to box.
+    Two are of one thing, whatever their words, if their masks overlap by more than ``merge_iou``; or if their boxes overlap by more than
+    ``merge_overlap`` of the smaller one, their masks too (``merge_by`` "boxes": or not), and their colours are alike. What overlaps what is
+    followed from box to box.
 
     Args:
         detections: N rows, each with a mask.
@@ -43,10 +44,7 @@ def _same_thing(detections: Detections, masks: BoolArray, rgb: NDArray[np.uint8]
     """(N, N) whether two boxes are of one thing."""
     areas, shared = mask_areas(masks), shared_pixels(masks, masks)
     boxes_overlap = containment(detections.boxes_px, detections.boxes_px) > settings.merge_overlap
-    if settings.merge_words:
-        words = np.array([label or "" for label in detections.labels])
-        boxes_overlap &= words[:, None] == words[None, :]
-    candidates = np.triu((shared > 0) | boxes_overlap, 1)
+    candidates = np.triu(boxes_overlap if settings.merge_by == "boxes" else boxes_overlap & (shared > 0), 1)
     same = np.triu(mask_iou(shared, areas, areas) > settings.merge_iou, 1)
     rows = np.unique(np.argwhere(candidates & ~same))
     histograms = dict(zip(rows.tolist(), colour_histograms(rgb, masks[rows]), strict=True))

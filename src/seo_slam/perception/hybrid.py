@@ -60,9 +60,9 @@ class HybridDetector:
             background: words of what is no thing; see ``is_background``.
             refine: merge boxes of one thing.
             structure: how walls, floor and ceiling are told among the segments: "looks": their picture is nearer to a background word
-                than to a class; "shape": see ``perception.structure``; "auto": looks where there is an image encoder, else shape; "keep":
+                than to a class; "shape": see ``perception.structure``; "auto": either tells, shape alone without an image encoder; "keep":
                 not at all.
-            image_encoder: for "looks": has ``embed_crops`` and ``embed_text``.
+            image_encoder: for "looks" and "auto": has ``embed_crops`` and ``embed_text``.
             settings: thresholds, as ``HybridSettings`` or a mapping of some of them.
             structure_settings: those of "shape", likewise.
 
@@ -81,7 +81,8 @@ class HybridDetector:
         self._settings = _settings(HybridSettings, settings)
         self._structure_settings = _settings(StructureSettings, structure_settings)
         self._encoder = image_encoder
-        self._structure = _rule(structure, image_encoder)
+        _check_rule(structure, image_encoder)
+        self._structure = structure
         self._said: dict[str, None] = dict.fromkeys(self.classes or ())
         self._last_segment_s: float | None = None
         self._silence_told = False
@@ -141,11 +142,14 @@ class HybridDetector:
         return Detections(found.boxes_px, found.labels, found.scores, masks, found.embeddings)
 
     def _is_structure(self, segments: Detections, frame: Frame) -> BoolArray:
-        if self._structure == "keep" or not len(segments):
-            return np.zeros(len(segments), dtype=np.bool_)
-        if self._structure == "looks" and self._said and self.background:
-            return looks_like(self._encoder, frame, segments.boxes_px, self.background, tuple(self._said))
-        return is_structure(_masks_of(segments, frame), frame, self._structure_settings)
+        out = np.zeros(len(segments), dtype=np.bool_)
+        if not len(segments):
+            return out
+        if self._structure in ("auto", "shape"):
+            out |= is_structure(_masks_of(segments, frame), frame, self._structure_settings)
+        if self._structure in ("auto", "looks") and self._encoder is not None and self._said and self.background:
+            out |= looks_like(self._encoder, frame, segments.boxes_px, self.background, tuple(self._said))
+        return out
 
     def _watch(self, frame: Frame, found: bool) -> None:
         """Note once if the segmenter has found nothing for long."""
@@ -201,7 +205,7 @@ def _settings(model: Any, given: Any) -> Any:
         raise ConfigError(f"hybrid: {model.__name__}: {detail} (known: {', '.join(model.model_fields)})") from None
 
 
-def _rule(structure: str, encoder: Any) -> str:
+def _check_rule(structure: str, encoder: Any) -> None:
     if structure not in ("auto", "looks", "shape", "keep"):
         raise ConfigError(f"hybrid: structure is {structure!r}, wanted auto, looks, shape or keep")
     usable = isinstance(encoder, CropEmbedder) and isinstance(encoder, Embedder)
@@ -209,4 +213,3 @@ def _rule(structure: str, encoder: Any) -> str:
         raise ConfigError(f"hybrid: image_encoder is a {type(encoder).__name__}, wanted something with embed_crops and embed_text")
     if structure == "looks" and encoder is None:
         raise ConfigError("hybrid: structure is 'looks', which needs an image_encoder")
-    return ("looks" if encoder is not None else "shape") if structure == "auto" else structure

@@ -1,14 +1,17 @@
 """Segments that are walls, floor or ceiling, told by their shape: otherwise a map of everything fills with pieces of wall.
 
-A segment is structure if it is flat, and either
+A segment is structure if it is flat, and one of these holds:
 
-1. it, with all segments in the same plane, is larger both ways than any furniture; or
-2. nothing that the camera sees lies behind its plane (a room's walls, floor and ceiling bound what is seen; the top of a table has the
-   floor behind it, the front of a cupboard the wall), and it is not small.
+1. it, with all segments in the same plane, is larger both ways than any furniture;
+2. it is large both ways, and cut by a border of the image;
+3. nothing that the camera sees lies behind its plane (a room's walls, floor and ceiling bound what is seen; the top of a table has the
+   floor behind it, the front of a cupboard the wall), and it is not small;
+4. it lies in the plane of one that is structure by 1 to 3.
 
-The plane is told from depth in the camera frame, so that neither a pose nor gravity is needed. A wall seen with an open door in view is
-told by the first rule only. A flat thing that covers the view, such as a table top seen from close by, is taken for structure in that
-frame: it has a word in others, or is seen from farther away.
+The plane is told from depth in the camera frame, so that neither a pose nor gravity is needed. What is left are small pieces of walls seen
+through a door, and the reveals of doors. What is lost: a flat thing without a word that fills the view, such as a table top seen from
+close by, in that frame; and what lies flat against a wall or on the floor, such as a poster, for good, unless the detector has a word
+for it.
 """
 
 from dataclasses import dataclass
@@ -17,8 +20,9 @@ import numpy as np
 
 from seo_slam.geometry import FloatArray
 from seo_slam.settings.hybrid import StructureSettings
-from seo_slam.types import BoolArray, Frame
+from seo_slam.types import BoolArray, Frame, IntArray
 
+_GRID_POINTS = 20_000
 _SEGMENT_POINTS = 250
 _IMAGE_POINTS = 2500
 _FEWEST_POINTS = 12
@@ -42,35 +46,42 @@ class _Plane:
 def is_structure(masks: BoolArray, frame: Frame, settings: StructureSettings) -> BoolArray:
     """Return (N,) which masks (N, H, W) of a frame are walls, floor or ceiling. Without depth: none."""
     out = np.zeros(len(masks), dtype=np.bool_)
+    points, per_mask = _points(masks, frame)
     planes = {}
-    for row, points in enumerate(_points_of(masks, frame)):
-        plane = _flat(points, settings)
+    for row, pixels in enumerate(per_mask):
+        plane = _flat(points[pixels], settings)
         if plane is not None:
             planes[row] = plane
     if not planes:
         return out
-    scene = _points_of(np.ones((1, *frame.depth_m.shape), dtype=np.bool_), frame, _IMAGE_POINTS)[0]
+    scene = points[:: max(1, len(points) // _IMAGE_POINTS)]
+    together = {row: [other for other in planes if _coplanar(plane, planes[other], settings)] for row, plane in planes.items()}
     for row, plane in planes.items():
-        together = [other.p_camera for other in planes.values() if _coplanar(plane, other, settings)]
-        short_m = _extents_m(np.concatenate(together), plane.normal)[1]
-        own_m = _extents_m(plane.p_camera, plane.normal)[0]
-        outermost = own_m >= settings.outermost_m and _share_behind(plane, scene, settings) <= settings.behind_share
-        out[row] = short_m >= settings.large_m or outermost
+        whole = np.concatenate([planes[other].p_camera for other in together[row]])
+        out[row] = _extents_m(whole, plane.normal)[1] >= settings.large_m or _bounds_the_view(plane, masks[row], scene, settings)
+    for found in np.flatnonzero(out).tolist():
+        out[together[found]] = True
     return out
 
 
-def _points_of(masks: BoolArray, frame: Frame, most: int = _SEGMENT_POINTS) -> list[FloatArray]:
-    """Some points (M, 3) of each mask, camera frame."""
-    rays = frame.camera.rays()
-    known = frame.depth_m > 0
-    points = []
-    for mask in masks:
-        pixels = np.flatnonzero(mask & known)
-        chosen = pixels[:: max(1, -(-len(pixels) // most))]
-        z = frame.depth_m.ravel()[chosen].astype(np.float64)
-        xy = rays.reshape(-1, 2)[chosen] * z[:, None]
-        points.append(np.column_stack([xy, z]))
-    return points
+def _bounds_the_view(plane: _Plane, mask: BoolArray, scene: FloatArray, settings: StructureSettings) -> bool:
+    """Whether a flat segment is cut by a border and large, or has nothing behind it and is not small."""
+    long_m, short_m = _extents_m(plane.p_camera, plane.normal)
+    is_cut = bool(mask[0].any() or mask[-1].any() or mask[:, 0].any() or mask[:, -1].any())
+    if short_m >= settings.cut_m and is_cut:
+        return True
+    return long_m >= settings.outermost_m and _share_behind(plane, scene, settings) <= settings.behind_share
+
+
+def _points(masks: BoolArray, frame: Frame) -> tuple[FloatArray, list[IntArray]]:
+    """Points (M, 3) on a grid over the image, camera frame, and for each mask the rows of some that are in it."""
+    step = max(1, round(float(np.sqrt(frame.depth_m.size / _GRID_POINTS))))
+    depth_m = frame.depth_m[::step, ::step]
+    known = depth_m > 0
+    z = depth_m[known].astype(np.float64)
+    points = np.column_stack([frame.camera.rays()[::step, ::step][known] * z[:, None], z])
+    inside = [np.flatnonzero(own) for own in masks[:, ::step, ::step][:, known]]
+    return points, [rows[:: max(1, -(-len(rows) // _SEGMENT_POINTS))] for rows in inside]
 
 
 def _flat(p_camera: FloatArray, settings: StructureSettings) -> _Plane | None:

@@ -1,5 +1,7 @@
 """Settings of the hybrid front end (DualMap III-A1)."""
 
+from typing import Literal
+
 from pydantic import Field
 
 from seo_slam.settings.base import Settings
@@ -10,8 +12,10 @@ class HybridSettings(Settings):
 
     merge_iou: float = Field(0.8, gt=0, le=1, description="two masks that overlap more are one thing, whatever their colours")
     merge_colour: float = Field(0.95, gt=0, le=1, description="cosine of two colour histograms above which overlapping boxes are one thing")
-    merge_overlap: float = Field(0.05, ge=0, le=1, description="share of the smaller box in the other from which boxes overlap")
-    merge_words: bool = Field(True, description="boxes whose masks do not overlap are one thing only under one word; off: the paper")
+    merge_overlap: float = Field(0.3, ge=0, le=1, description="share of the smaller box in the other from which boxes overlap")
+    merge_by: Literal["masks", "boxes"] = Field(
+        "masks", description="masks: those of overlapping boxes must overlap as well; boxes: as the paper, two alike chairs may become one"
+    )
     novel_iou: float = Field(0.5, gt=0, le=1, description="a segment that overlaps a detection more is no news")
     novel_share: float = Field(0.6, gt=0, le=1, description="nor one of which, or in which, more than this share of the other lies")
     smallest_px: float = Field(204.0, ge=0, description="a smaller mask is dropped")
@@ -25,6 +29,7 @@ class StructureSettings(Settings):
     plane_m: float = Field(0.03, gt=0, description="points this near to a plane lie in it")
     plane_share: float = Field(0.015, ge=0, description="and this share of their distance from the camera, for the depth's noise")
     large_m: float = Field(1.8, gt=0, description="nothing but structure is flat over so much both ways")
+    cut_m: float = Field(1.0, gt=0, description="nor over so much both ways, if the image cuts it")
     outermost_m: float = Field(0.5, gt=0, description="a flat segment at least so long is structure if nothing lies behind its plane")
     behind_share: float = Field(0.02, ge=0, lt=1, description="share of the image's points behind a plane that still counts as nothing")
     behind_m: float = Field(0.1, gt=0, description="points at least so far behind a plane lie behind it")
