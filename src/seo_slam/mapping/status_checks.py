@@ -123,15 +123,15 @@ class StatusChecks:
         things = [thing for thing in self._map.things.values() if len(self._map.cloud(thing))]
         if len(things) < 2:
             return []
-        bounds = np.array([self._map.cloud(thing).bounds for thing in things])
+        bounds = np.array([self._map.cloud(thing).inner_bounds for thing in things])
         looks = np.array([thing.embedding() for thing in things])
         gone: set[int] = set()
         events = []
         for row in [n for n, thing in enumerate(things) if thing.id in set(seen)]:
-            gap_m = np.maximum(bounds[row, 0] - bounds[:, 1], bounds[:, 0] - bounds[row, 1]).max(axis=1)
-            for other in np.flatnonzero((gap_m <= self._settings.fold_gap_m) & (looks @ looks[row] >= self._settings.fold_cosine)):
-                pair = sorted((things[row], things[other]), key=lambda thing: (-thing.observations, thing.id))
-                keep, drop = pair
+            inside = shared_share(bounds[row], bounds, self._settings.fold_gap_m)
+            alike = looks @ looks[row] >= self._settings.fold_cosine
+            for other in np.flatnonzero((inside >= self._settings.fold_share) & alike):
+                keep, drop = sorted((things[row], things[other]), key=lambda thing: (-thing.observations, thing.id))
                 if keep is drop or {keep.id, drop.id} & gone or not self._are_one(keep, drop):
                     continue
                 gone.add(drop.id)
@@ -162,6 +162,15 @@ class StatusChecks:
         share = overlap_shares(points, clouds, self._overlap.distance_m)
         either = np.triu(np.maximum(share, share.T), k=1) > self._settings.merge_overlap
         return [(int(a), int(b)) for a, b in zip(*np.nonzero(either), strict=True)]
+
+
+def shared_share(box: FloatArray, others: FloatArray, gap_m: float) -> FloatArray:
+    """Return (N,) the share of the smaller of two boxes that lies in the other one, both grown by ``gap_m``: of (2, 3) with (N, 2, 3)."""
+    low = np.maximum(box[0], others[:, 0]) - gap_m
+    high = np.minimum(box[1], others[:, 1]) + gap_m
+    common = np.prod(np.maximum(high - low, 0.0), axis=1)
+    volume = np.prod(others[:, 1] - others[:, 0] + 2.0 * gap_m, axis=1)
+    return np.asarray(common / np.minimum(volume, float(np.prod(box[1] - box[0] + 2.0 * gap_m))), dtype=np.float64)
 
 
 def _groups(pairs: Iterable[tuple[int, int]], count: int) -> list[list[int]]:
