@@ -1,7 +1,7 @@
 """The map of things: load it, ask it, save it."""
 
 import logging
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Self, cast, get_args
@@ -16,6 +16,7 @@ from seo_slam.config import Component
 from seo_slam.errors import BackendError, ConfigError, MapError, MapFormatError, MissingBackendError, UnknownLandmarkError
 from seo_slam.geometry import FloatArray
 from seo_slam.interfaces import Embedder
+from seo_slam.map_clouds import CLOUDS_FILE, read_clouds, write_clouds
 from seo_slam.map_document import (
     Gravity,
     document_bytes,
@@ -109,8 +110,13 @@ class Map:
         rows = [landmark_from(row) for row in (*document.landmarks, *document.tentative)]
         abstract = None if document.abstract is None else abstract_map_from(document.abstract)
         loaded = cls(rows, document.gravity, document.embedder, document.next_id, abstract)
-        store = path.with_name(STORE_FILE)
+        clouds, store = path.with_name(CLOUDS_FILE), path.with_name(STORE_FILE)
+        loaded = loaded._with_clouds(read_clouds(clouds)) if clouds.is_file() else loaded
         return loaded._with_stored_embeddings(store) if store.is_file() else loaded
+
+    def _with_clouds(self, clouds: Mapping[int, FloatArray]) -> Self:
+        rows = [replace(row, cloud_world=clouds[row.id]) if row.id in clouds else row for row in self._by_id.values()]
+        return type(self)(rows, self._gravity, self._embedder, self._next_id, self._abstract)
 
     @classmethod
     def _from_store(cls, path: Path) -> Self:
@@ -210,7 +216,7 @@ class Map:
             raise MapError("query: got an empty text, wanted words that describe a thing")
         if k < 1:
             raise MapError(f"query: got k={k}, wanted 1 or more")
-        named = [row for row in self._landmarks if row.labels]
+        named = [row for row in self._landmarks if row.labels or row.embedding.any()]
         if not named:
             return ()
         model = embedder or self._own_embedder()
@@ -234,11 +240,17 @@ class Map:
     def save(self, folder: str | Path) -> Path:
         """Write ``map.json`` into a folder (made if missing) and return its path; at no moment is a half-written file there.
 
+        The points of landmarks, where they are kept, go into ``clouds.ply`` beside it.
+
         Raises:
             MapError: the folder cannot be written, or a landmark holds NaN or a covariance that is none.
         """
-        path = Path(folder) / MAP_FILE
-        write_atomically(path, self.to_json())
+        path, clouds_path = Path(folder) / MAP_FILE, Path(folder) / CLOUDS_FILE
+        clouds = {row.id: row.cloud_world for row in self._by_id.values() if len(row.cloud_world)}
+        document = self.to_json()
+        if clouds or clouds_path.is_file():  # those of an older map must not stay
+            write_clouds(clouds_path, clouds)
+        write_atomically(path, document)
         return path
 
     def to_json(self) -> bytes:
@@ -304,6 +316,7 @@ def _frozen(landmark: Landmark) -> Landmark:
         covariance_m2=_read_only(landmark.covariance_m2),
         size_m=_read_only(landmark.size_m),
         embedding=_read_only(landmark.embedding),
+        cloud_world=_read_only_view(landmark.cloud_world),
     )
 
 
@@ -311,6 +324,13 @@ def _read_only(array: FloatArray) -> FloatArray:
     copy = np.array(array, dtype=np.float64)
     copy.flags.writeable = False
     return copy
+
+
+def _read_only_view(array: FloatArray) -> FloatArray:
+    """Not a copy: clouds are large, and whoever makes them never changes them."""
+    view = np.asarray(array).view()
+    view.flags.writeable = False
+    return view
 
 
 def _same_words(a: Landmark, b: Landmark) -> bool:
