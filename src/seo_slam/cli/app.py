@@ -4,7 +4,7 @@ import sys
 
 import typer
 
-from seo_slam.cli import ask, check, demo, doctor, edits, evaluate, export, query, run, simulate
+from seo_slam.cli import ask, check, demo, doctor, edits, evaluate, export, navigate, query, run, simulate
 from seo_slam.errors import SeoSlamError
 
 app = typer.Typer(
@@ -22,6 +22,7 @@ app.command("doctor")(doctor.doctor)
 app.command("check")(check.check)
 app.command("query")(query.query)
 app.command("ask")(ask.ask)
+app.command("navigate")(navigate.navigate)
 app.command("export")(export.export)
 app.command("edits")(edits.edits)
 app.command("simulate")(simulate.simulate)

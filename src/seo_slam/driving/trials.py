@@ -1,7 +1,7 @@
 """Trials of navigation in a simulated home (DualMap V-A1): what is asked for, from where, and what was moved since it was mapped."""
 
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from typing import Any, Literal, Self, get_args
@@ -164,16 +164,10 @@ class _TrialDesk:
     def _trial(self, kind: TrialKind, number: int, word: str, targets: list[Thing], moves: Iterable[Thing]) -> Trial:
         draws = generator(self._seed, "trial", kind, number)
         ids = tuple(sorted(thing.id for thing in targets))
-        start = self._start(targets, draws)
+        start = drawn_start(self._starts, targets, draws)
         moved = tuple((thing.id, tuple(thing.T_world_thing.ravel().tolist())) for thing in moves)
         query = phrase(word, int(draws.integers(3)))
         return Trial(kind, number, query, ids, (float(start[0]), float(start[1])), float(draws.uniform(-np.pi, np.pi)), moved)
-
-    def _start(self, targets: list[Thing], draws: np.random.Generator) -> FloatArray:
-        xy = self._starts
-        away = np.min([np.linalg.norm(xy - thing.p_world[:2], axis=1) for thing in targets], axis=0)
-        far = xy[away >= min(START_AWAY_M, float(away.max()))]
-        return np.asarray(far[int(draws.integers(len(far)))])
 
     def _can_be_reached(self, targets: list[Thing]) -> bool:
         return any((self._ways.within(thing.p_world, SUCCESS_M) & self._main).any() for thing in targets)
@@ -184,12 +178,28 @@ class _TrialDesk:
 
     @cached_property
     def _starts(self) -> FloatArray:
-        """(N, 2) where a robot may start: all of it in one connected part of the floor."""
-        free = self._home.free
-        cells = np.argwhere(free.standing(START_CLEARANCE_M) & self._main)
-        if not len(cells):
-            raise ConfigError(f"trials: {self._home.name} has no place where a robot with {START_CLEARANCE_M} m around it could start")
-        return free.middles(cells)
+        return starts(self._home)
+
+
+def starts(home: SimulatedHome) -> FloatArray:
+    """Return (N, 2) where a robot may start: with ``START_CLEARANCE_M`` of room, all in one connected part of the floor.
+
+    Raises:
+        ConfigError: nowhere.
+    """
+    cells = np.argwhere(home.free.standing(START_CLEARANCE_M) & home.free.main_part(ROBOT_RADIUS_M))
+    if not len(cells):
+        raise ConfigError(f"trials: {home.name} has no place where a robot with {START_CLEARANCE_M} m around it could start")
+    return home.free.middles(cells)
+
+
+def drawn_start(xy_world: FloatArray, targets: Sequence[Thing], draws: np.random.Generator) -> FloatArray:
+    """Return one of some places (N, 2), at least ``START_AWAY_M`` from all that is meant, or as far as there is."""
+    away = np.full(len(xy_world), np.inf)
+    for thing in targets:
+        away = np.minimum(away, np.linalg.norm(xy_world - thing.p_world[:2], axis=1))
+    far = xy_world[away >= min(START_AWAY_M, float(away.max()))]
+    return np.asarray(far[int(draws.integers(len(far)))])
 
 
 def bearing(world: World, word: str) -> list[Thing]:

@@ -1,0 +1,129 @@
+"""``seo-slam navigate``: send a simulated robot for something, and see where it goes."""
+
+from collections.abc import Iterator
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from seo_slam.cli.progress import with_progress
+from seo_slam.errors import MapError
+
+if TYPE_CHECKING:
+    from seo_slam.driving.run_trial import TrialResult
+    from seo_slam.map import Map
+    from seo_slam.simulation.home import SimulatedHome
+
+NOT_FOUND = 1
+"""Exit status of a search that did not end before the thing."""
+
+
+class Moved(StrEnum):
+    """What happened to the thing since the home was mapped."""
+
+    IN_ANCHOR = "in_anchor"
+    CROSS_ANCHOR = "cross_anchor"
+
+
+class Senses(StrEnum):
+    """What the robot maps with on its way."""
+
+    DUALMAP = "dualmap"
+    TRUE = "true"
+
+
+class Strategy(StrEnum):
+    """Where the next candidate comes from."""
+
+    UPDATED = "updated"
+    ORIGINAL = "original"
+    RANDOM = "random"
+
+
+def navigate(
+    map_path: Annotated[Path, typer.Argument(metavar="MAP", help="Folder of a result with an abstract map of the world, or its map.json.")],
+    text: Annotated[str, typer.Argument(help='What to look for: "the cup", or "the cup in the kitchen".')],
+    world: Annotated[str, typer.Option(help="house, or apartment:SEED, the one that was mapped.")],
+    meshes: Annotated[Path | None, typer.Option(help="Folder of models with manifests; the house needs it.")] = None,
+    moved: Annotated[Moved | None, typer.Option(help="The thing was moved since: on its furniture, or to another.")] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Another start, another place that the thing was moved to.")] = 0,
+    level: Annotated[float, typer.Option(help="How imperfect depth and detector are: 0 perfect, 1 a poor day.")] = 0.5,
+    senses: Annotated[Senses, typer.Option(help="dualmap: the pipeline; true: it is told what it sees.")] = Senses.DUALMAP,
+    strategy: Annotated[Strategy, typer.Option(help="Next candidate from the map as updated, as it was, or random.")] = Strategy.UPDATED,
+    out: Annotated[Path | None, typer.Option(help="Picture of the search, an .svg file.")] = None,
+    make_map: Annotated[bool, typer.Option("--make-map", help="If MAP holds none: map the world first, on a tour. Takes minutes.")] = False,
+) -> None:
+    """Drive a simulated robot to what TEXT names in MAP. Exit status 0: it stopped before it; 1: it did not."""
+    from seo_slam.driving.errand import errand, moves_in_words
+    from seo_slam.driving.homes import home_named
+    from seo_slam.driving.mappers import mapper_named
+    from seo_slam.driving.pictures import require_svg, write_picture
+    from seo_slam.driving.run_trial import run_trial
+    from seo_slam.map import MAP_FILE, Map, embedder_of
+    from seo_slam.settings.navigation import NavigationSettings
+
+    if out is not None:
+        require_svg(out)
+    mapped = None if make_map and not (map_path / MAP_FILE).exists() else _with_abstract(Map.load(map_path), map_path)
+    home = home_named(world, level, meshes)
+    if mapped is None:
+        mapped = _made_map(home, map_path, senses)
+    embedder = embedder_of(mapped.embedder)
+    trial = errand(home, text, None if moved is None else moved.value, seed, mapped.abstract.rooms if mapped.abstract else ())
+    x, y = trial.start_xy
+    typer.echo(f"{home.name}, level {level:g}: {text!r}, from x={x:.2f} y={y:.2f}")
+    for line in moves_in_words(home.world, trial):
+        typer.echo(f"moved       {line}")
+    settings = NavigationSettings(strategy=strategy.value)
+    result = run_trial(home, mapped, trial, make_mapper=mapper_named(senses.value), embedder=embedder, settings=settings, drive=seed)
+    typer.echo(_told(mapped, result))
+    if out is not None:
+        typer.echo(f"picture     {write_picture(mapped, result, out)}")
+    if not (result.drive.is_success if trial.target_ids else result.outcome.found):
+        raise typer.Exit(NOT_FOUND)
+
+
+def _with_abstract(mapped: "Map", path: Path) -> "Map":
+    if mapped.abstract is None:
+        raise MapError(f"{path}: holds no abstract map (anchors and layout), wanted a map made with the preset dualmap")
+    return mapped
+
+
+def _made_map(home: "SimulatedHome", folder: Path, senses: Senses) -> "Map":
+    from seo_slam import registry
+    from seo_slam.driving.home_map import map_home
+    from seo_slam.driving.mappers import mapper_named
+
+    def progress(frames: range) -> Iterator[int]:
+        return with_progress(frames, len(frames), "mapping")
+
+    return map_home(home, mapper_named(senses.value), registry.create("embedder", "auto"), folder=folder, progress=progress)
+
+
+def _told(mapped: "Map", result: "TrialResult") -> str:
+    """What was tried and how it ended, in lines."""
+    drive, outcome = result.drive, result.outcome
+    labels = {} if mapped.abstract is None else {anchor.id: anchor.label for anchor in mapped.abstract.anchors}
+    lines = []
+    for number, attempt in enumerate(outcome.attempts, 1):
+        wanted = attempt.candidate
+        why = f", for the {wanted.because}" if wanted.volatile else ""
+        where = _printable(f"{labels.get(wanted.anchor_id, 'new furniture')} {wanted.anchor_id}{why} ({wanted.score:.2f})")
+        lines.append(f"attempt {number}   {where}: {_printable(attempt.reason)}")
+    lines.append(f"{outcome.ending.replace('_', ' '):<11} {_printable(outcome.reason)}")
+    if result.target_world is None:
+        lines.append("truth       nothing in this world has that name")
+    else:
+        sight = "in sight" if drive.in_sight else "not in sight"
+        verdict = "" if drive.failure is None else f": {drive.failure}"
+        lines.append(f"truth       it is {drive.distance_m:.2f} m away, {sight}{verdict}")
+    touched = {0: "no collision", 1: "1 collision"}.get(drive.collisions, f"{drive.collisions} collisions")
+    shortest = f", shortest way {drive.shortest_m:.1f} m" if result.target_world is not None else ""
+    lines.append(f"way         {drive.driven_m:.1f} m in {drive.steps} frames{shortest}, {touched}")
+    return "\n".join(lines)
+
+
+def _printable(text: str) -> str:
+    # Labels come from a detector or a language model: they must not steer the terminal.
+    return "".join(c if c.isprintable() else "?" for c in text)
