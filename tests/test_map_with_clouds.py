@@ -47,7 +47,7 @@ def test_a_damaged_file_of_clouds_is_named(tmp_path):
     Map([landmark(3, 50)]).save(tmp_path)
     path = tmp_path / "clouds.ply"
     path.write_bytes(path.read_bytes()[:-7])
-    with pytest.raises(MapFormatError, match="clouds.ply"):
+    with pytest.raises(MapFormatError, match=r"clouds\.ply"):
         Map.load(tmp_path)
 
 

@@ -15,7 +15,17 @@ from seo_slam.errors import ConfigError
 from seo_slam.run_result import RunResult
 
 RUN_SCHEMA = "seo_slam.run/1"
-RESULT_FILES = ("map.json", "clouds.ply", "map.db", "map.db-wal", "map.db-shm", "trajectory.txt", "run.json", "report.html", "evaluation.html")
+RESULT_FILES = (
+    "map.json",
+    "clouds.ply",
+    "map.db",
+    "map.db-wal",
+    "map.db-shm",
+    "trajectory.txt",
+    "run.json",
+    "report.html",
+    "evaluation.html",
+)
 _PACKAGES = (
     "seo-slam",
     "numpy",
