@@ -7,7 +7,7 @@ import numpy as np
 from seo_slam.association.two_stage import doubles
 from seo_slam.geometry import FloatArray, transform_points
 from seo_slam.interfaces import AssignmentSolver, Associator
-from seo_slam.perception.cloud import Cloud
+from seo_slam.perception.cloud import Cloud, bounds_of
 from seo_slam.settings.concrete import OverlapSettings
 from seo_slam.types import NEW, REJECTED, Association, BoolArray, Estimate, IntArray, Landmarks, Observations
 
@@ -38,7 +38,7 @@ def overlap_shares(observed: Sequence[FloatArray], landmarks: Sequence[Cloud], d
     if not len(seen) or not len(known):
         return shares
     own = [observed[k] for k in seen.tolist()]
-    low, high = np.array([points.min(axis=0) for points in own]), np.array([points.max(axis=0) for points in own])
+    low, high = np.array([bounds_of(points) for points in own]).transpose(1, 0, 2)
     bounds = np.array([landmarks[n].bounds for n in known])
     grown = limit_m[seen, None] * _ROUNDING
     touch = np.ones((len(seen), len(known)), dtype=np.bool_)
@@ -56,12 +56,19 @@ def overlap_shares(observed: Sequence[FloatArray], landmarks: Sequence[Cloud], d
 def _counts_near(observed: Sequence[FloatArray], cloud: Cloud, limit_m: FloatArray) -> IntArray:
     """(R,) how many points of each are closer to the cloud than its limit: one question to the tree for all of them."""
     low, high = cloud.bounds
-    points, owners = np.concatenate(observed), np.repeat(np.arange(len(observed)), [len(p) for p in observed])
-    grown = (limit_m * _ROUNDING)[owners, None]
-    inside = np.flatnonzero(((points >= low - grown) & (points <= high + grown)).all(axis=1))
-    points, owners = points[inside], owners[inside]
-    nearest_m, _ = cloud.tree.query(points, distance_upper_bound=float(limit_m.max()) * _ROUNDING, workers=1)
+    chosen = [points[_inside(points, low - grown, high + grown)] for points, grown in zip(observed, limit_m * _ROUNDING, strict=True)]
+    owners = np.repeat(np.arange(len(observed)), [len(points) for points in chosen])
+    most_m = float(limit_m.max()) * _ROUNDING
+    nearest_m, _ = cloud.tree.query(np.concatenate(chosen), distance_upper_bound=most_m, workers=1)
     return np.bincount(owners[nearest_m < limit_m[owners]], minlength=len(observed))
+
+
+def _inside(points: FloatArray, low: FloatArray, high: FloatArray) -> BoolArray:
+    inside = np.ones(len(points), dtype=np.bool_)
+    for axis in range(3):
+        column = points[:, axis]
+        inside &= (column >= low[axis]) & (column <= high[axis])
+    return inside
 
 
 def cosines(a: FloatArray, b: FloatArray) -> FloatArray:

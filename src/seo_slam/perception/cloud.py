@@ -25,9 +25,7 @@ class Cloud:
     @cached_property
     def bounds(self) -> tuple[FloatArray, FloatArray]:
         """Low and high corner (3,) of its box; NaN if it is empty."""
-        if not len(self.p_world):
-            return np.full(3, np.nan), np.full(3, np.nan)
-        return self.p_world.min(axis=0), self.p_world.max(axis=0)
+        return bounds_of(self.p_world)
 
     @cached_property
     def inner_bounds(self) -> tuple[FloatArray, FloatArray]:
@@ -43,3 +41,11 @@ class Cloud:
     def tree(self) -> cKDTree:
         """For nearest points."""
         return cKDTree(self.p_world)
+
+
+def bounds_of(p_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Low and high corner (3,) of the box of points (M, 3); NaN if there are none."""
+    if not len(p_m):
+        return np.full(3, np.nan), np.full(3, np.nan)
+    columns = [p_m[:, axis] for axis in range(3)]  # numpy takes the minimum of a long column several times faster than of many rows
+    return np.array([column.min() for column in columns]), np.array([column.max() for column in columns])
