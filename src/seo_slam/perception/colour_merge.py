@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 
 from seo_slam.geometry import FloatArray
 from seo_slam.perception.boxes import containment
-from seo_slam.perception.mask_overlap import mask_areas, mask_iou, shared_pixels, tight_boxes
+from seo_slam.perception.mask_overlap import Masks, mask_iou, shared_pixels
 from seo_slam.settings.hybrid import HybridSettings
 from seo_slam.types import BoolArray, Detections, IntArray
 
@@ -28,7 +28,7 @@ def merged(detections: Detections, rgb: NDArray[np.uint8], settings: HybridSetti
     """
     if len(detections) < 2 or detections.masks is None:
         return detections
-    groups = _groups(_same_thing(detections, detections.masks, rgb, settings))
+    groups = _groups(_same_thing(detections, Masks(detections.masks), rgb, settings))
     if len(groups) == len(detections):
         return detections
     best = [int(rows[np.argmax(detections.scores[rows])]) for rows in groups]
@@ -40,12 +40,12 @@ def merged(detections: Detections, rgb: NDArray[np.uint8], settings: HybridSetti
     return Detections(np.array(boxes), kept.labels, kept.scores, masks, kept.embeddings)
 
 
-def _same_thing(detections: Detections, masks: BoolArray, rgb: NDArray[np.uint8], settings: HybridSettings) -> BoolArray:
+def _same_thing(detections: Detections, masks: Masks, rgb: NDArray[np.uint8], settings: HybridSettings) -> BoolArray:
     """(N, N) whether two boxes are of one thing."""
-    areas, shared = mask_areas(masks), shared_pixels(masks, masks)
+    shared = shared_pixels(masks, masks)
     boxes_overlap = containment(detections.boxes_px, detections.boxes_px) > settings.merge_overlap
     candidates = np.triu(boxes_overlap if settings.merge_by == "boxes" else boxes_overlap & (shared > 0), 1)
-    same = np.triu(mask_iou(shared, areas, areas) > settings.merge_iou, 1)
+    same = np.triu(mask_iou(shared, masks, masks) > settings.merge_iou, 1)
     rows = np.unique(np.argwhere(candidates & ~same))
     histograms = dict(zip(rows.tolist(), colour_histograms(rgb, masks[rows]), strict=True))
     for i, j in np.argwhere(candidates & ~same):
@@ -53,10 +53,10 @@ def _same_thing(detections: Detections, masks: BoolArray, rgb: NDArray[np.uint8]
     return np.asarray(same | same.T)
 
 
-def colour_histograms(rgb: NDArray[np.uint8], masks: BoolArray) -> FloatArray:
+def colour_histograms(rgb: NDArray[np.uint8], masks: Masks) -> FloatArray:
     """Return (N, 48) histograms of the pixels under each mask, 16 bins a channel, as unit rows; zeros for an empty mask."""
     out = np.zeros((len(masks), 3 * BINS))
-    for row, (mask, (x0, y0, x1, y1)) in enumerate(zip(masks, tight_boxes(masks), strict=True)):
+    for row, (mask, (x0, y0, x1, y1)) in enumerate(zip(masks.pixels, masks.boxes.tolist(), strict=True)):
         if x1 <= x0:
             continue
         patch, inside = rgb[y0:y1, x0:x1], mask[y0:y1, x0:x1].astype(np.uint8)

@@ -17,6 +17,7 @@ from seo_slam.perception.background import BACKGROUND, is_background
 from seo_slam.perception.box_masks import DepthMasker, Masker
 from seo_slam.perception.class_list import ClassList
 from seo_slam.perception.colour_merge import merged
+from seo_slam.perception.mask_overlap import Masks
 from seo_slam.perception.novel_segments import joined, novel, parted
 from seo_slam.perception.structure import is_structure
 from seo_slam.settings.hybrid import HybridSettings, StructureSettings
@@ -29,7 +30,8 @@ class HybridDetector:
     """A ``Detector`` made of two: named boxes first, then segments without a word of what the boxes leave out.
 
     Each frame: detections without background words; a mask for each; boxes of one thing merged by overlap and colour; segments that
-    overlap none of them added, label None, unless they are structure; no two masks share a pixel, small ones are dropped.
+    overlap none of them added, label None, unless they are structure; no two masks share a pixel, small ones are dropped. (A word that is
+    not among the classes does not keep a segment of the same thing out: a thing without a known word is still a thing.)
 
     Attributes:
         detector, segmenter, masker: its parts; without a segmenter only what has a word is found.
@@ -95,43 +97,42 @@ class HybridDetector:
             FrameError: the detector, the segmenter or the masker returned what does not fit the image.
         """
         self.notes = ()
-        found = self.named(frame)
+        found, background = self.named(frame)
         if self.refine:
             found = merged(found, frame.rgb, self._settings)
         if self.segmenter is not None:
-            found = joined(found, self.unnamed(frame, found))
+            found = joined(found, self._unnamed(self.segmenter, frame, found, background))
         return parted(found, self._settings)
 
-    def named(self, frame: Frame) -> Detections:
-        """Return the detections that are kept for their words, each with a mask."""
-        found = to_detections(self.detector.detect(frame), frame, type(self.detector).__name__)
-        kept = np.array([self._is_wanted(label) for label in found.labels], dtype=np.bool_)
-        found = found[kept]
+    def named(self, frame: Frame) -> tuple[Detections, Detections]:
+        """Return the detections that are kept for their words, and those whose word is background, each with a mask."""
+        found = self._with_masks(to_detections(self.detector.detect(frame), frame, type(self.detector).__name__), frame)
+        behind = np.array([is_background(label, self.background) for label in found.labels], dtype=np.bool_)
+        wanted = np.array([self.classes is None or label in self.classes for label in found.labels], dtype=np.bool_)
+        things = found if (wanted & ~behind).all() else found[wanted & ~behind]
         if self.classes is None:
-            self._said |= dict.fromkeys(label for label in found.labels if label)
-        return self._with_masks(found, frame)
+            self._said |= dict.fromkeys(label for label in things.labels if label)
+        return things, found[behind]
 
-    def unnamed(self, frame: Frame, found: Detections) -> Detections:
-        """Return the segments that show what is in none of the masks of ``found``, without those that are structure."""
-        assert self.segmenter is not None  # for the type checker
-        segments = to_detections(self.segmenter.detect(frame), frame, type(self.segmenter).__name__)
+    def _unnamed(self, segmenter: Detector, frame: Frame, found: Detections, background: Detections) -> Detections:
+        """The segments that show what was not found, without those that are background or structure."""
+        segments = to_detections(segmenter.detect(frame), frame, type(segmenter).__name__)
         self._watch(frame, bool(len(segments)))
         segments = self._with_masks(segments, frame)
         segments = Detections(segments.boxes_px, (None,) * len(segments), segments.scores, segments.masks, segments.embeddings)
-        structure = self._is_structure(segments, frame)  # of all: pieces of one wall are told together
-        segments = segments[~structure]
-        return segments[novel(_masks_of(segments, frame), _masks_of(found, frame), self._settings)]
-
-    def _is_wanted(self, label: str | None) -> bool:
-        if is_background(label, self.background):
-            return False
-        return self.classes is None or label in self.classes
+        masks = Masks(_masks_of(segments, frame))
+        news = novel(masks, Masks(_masks_of(found, frame)), self._settings)
+        if len(background):  # what lies in a wall's mask may be a thing before it
+            news &= novel(masks, Masks(_masks_of(background, frame)), self._settings.model_copy(update={"novel_share": 1.0}))
+        segments = segments[news]
+        return segments[~self._is_structure(segments, frame)]
 
     def _with_masks(self, found: Detections, frame: Frame) -> Detections:
         """The same, with a mask for each that has none."""
-        masks = _masks_of(found, frame).copy()
-        without = np.flatnonzero(~masks.any(axis=(1, 2)))
+        masks = _masks_of(found, frame)
+        without = np.flatnonzero(Masks(masks).areas == 0)
         if len(without):
+            masks = masks.copy()
             made = self.masker.masks(frame, found.boxes_px[without])
             wanted = (len(without), *frame.depth_m.shape)
             if not isinstance(made, np.ndarray) or made.shape != wanted or made.dtype != np.bool_:

@@ -2,30 +2,27 @@
 
 import numpy as np
 
-from seo_slam.perception.mask_overlap import disjoint, mask_areas, mask_iou, shared_pixels
+from seo_slam.perception.mask_overlap import Masks, disjoint, mask_iou, shared_pixels
 from seo_slam.settings.hybrid import HybridSettings
 from seo_slam.types import BoolArray, Detections
 
 PIXELS_OF_VGA = 640 * 480
 
 
-def novel(segments: BoolArray, detected: BoolArray, settings: HybridSettings) -> BoolArray:
-    """Return (M,) which of the segments (M, H, W) overlap none of the detected masks (N, H, W).
+def novel(segments: Masks, detected: Masks, settings: HybridSettings) -> BoolArray:
+    """Return (M,) which of M segments overlap none of N detected masks.
 
     At most ``novel_iou`` of their union may be shared, and at most ``novel_share`` of the segment, and of the detection. Of segments that
     overlap each other by more than ``merge_iou`` the first one counts.
     """
-    areas = mask_areas(segments)
-    news = areas > 0
-    if len(detected):
-        known = mask_areas(detected)
-        shared = shared_pixels(segments, detected)
-        smaller = np.minimum(areas[:, None], known[None, :])
-        overlaps = mask_iou(shared, areas, known) > settings.novel_iou
-        overlaps |= shared / np.maximum(smaller, 1) > settings.novel_share
-        news &= ~overlaps.any(axis=1)
+    shared = shared_pixels(segments, detected)
+    smaller = np.minimum(segments.areas[:, None], detected.areas[None, :])
+    overlaps = mask_iou(shared, segments, detected) > settings.novel_iou
+    overlaps |= shared / np.maximum(smaller, 1) > settings.novel_share
+    news = (segments.areas > 0) & ~overlaps.any(axis=1)
     rows = np.flatnonzero(news)
-    alike = mask_iou(shared_pixels(segments[rows], segments[rows]), areas[rows], areas[rows]) > settings.merge_iou
+    left = segments[rows]
+    alike = mask_iou(shared_pixels(left, left), left, left) > settings.merge_iou
     for position, row in enumerate(rows):
         if news[row]:
             news[rows[position + 1 :][alike[position, position + 1 :]]] = False
@@ -55,7 +52,7 @@ def parted(detections: Detections, settings: HybridSettings) -> Detections:
     """Return detections whose masks share no pixel (the larger of two loses the overlap), without those left too small."""
     if detections.masks is None or not len(detections):
         return detections
-    masks = disjoint(detections.masks)
-    smallest_px = settings.smallest_px * masks[0].size / PIXELS_OF_VGA
-    parted_ones = Detections(detections.boxes_px, detections.labels, detections.scores, masks, detections.embeddings)
-    return parted_ones[mask_areas(masks) >= max(smallest_px, 1.0)]
+    masks = Masks(disjoint(Masks(detections.masks)))
+    smallest_px = settings.smallest_px * masks.pixels[0].size / PIXELS_OF_VGA
+    parted_ones = Detections(detections.boxes_px, detections.labels, detections.scores, masks.pixels, detections.embeddings)
+    return parted_ones[masks.areas >= max(smallest_px, 1.0)]

@@ -26,7 +26,6 @@ _GRID_POINTS = 20_000
 _SEGMENT_POINTS = 250
 _IMAGE_POINTS = 2500
 _FEWEST_POINTS = 12
-_REFITS = 2
 _LIKE_NORMALS = float(np.cos(np.radians(6.0)))
 
 
@@ -57,8 +56,10 @@ def is_structure(masks: BoolArray, frame: Frame, settings: StructureSettings) ->
     scene = points[:: max(1, len(points) // _IMAGE_POINTS)]
     together = {row: [other for other in planes if _coplanar(plane, planes[other], settings)] for row, plane in planes.items()}
     for row, plane in planes.items():
-        whole = np.concatenate([planes[other].p_camera for other in together[row]])
-        out[row] = _extents_m(whole, plane.normal)[1] >= settings.large_m or _bounds_the_view(plane, masks[row], scene, settings)
+        out[row] = _bounds_the_view(plane, masks[row], scene, settings)
+        if not out[row]:
+            whole = np.concatenate([planes[other].p_camera for other in together[row]])
+            out[row] = _extents_m(whole, plane.normal)[1] >= settings.large_m
     for found in np.flatnonzero(out).tolist():
         out[together[found]] = True
     return out
@@ -85,17 +86,18 @@ def _points(masks: BoolArray, frame: Frame) -> tuple[FloatArray, list[IntArray]]
 
 
 def _flat(p_camera: FloatArray, settings: StructureSettings) -> _Plane | None:
-    """The plane of points, if so many lie in it; fitted again without those that do not."""
+    """The plane of points, if so many lie in it; fitted once more without those that do not."""
     if len(p_camera) < _FEWEST_POINTS:
         return None
     near_m = _tolerance_m(p_camera, settings)
     plane = _fitted(p_camera)
-    for _ in range(_REFITS):
-        off_m = np.abs(plane.heights_m(p_camera))
-        fits = off_m <= np.maximum(near_m, np.median(off_m))
+    off_m = np.abs(plane.heights_m(p_camera))
+    fits = off_m <= np.maximum(near_m, np.median(off_m))
+    if not fits.all():
         plane = _fitted(p_camera[fits])
-    fits = np.abs(plane.heights_m(p_camera)) <= near_m
-    return _Plane(p_camera, plane.normal, plane.offset_m) if fits.mean() >= settings.planar_share else None
+        off_m = np.abs(plane.heights_m(p_camera))
+    is_flat = np.count_nonzero(off_m <= near_m) >= settings.planar_share * len(p_camera)
+    return _Plane(p_camera, plane.normal, plane.offset_m) if is_flat else None
 
 
 def _fitted(p_camera: FloatArray) -> _Plane:
