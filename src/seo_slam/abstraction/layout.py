@@ -49,14 +49,21 @@ def layout_of(voxels: Voxels, way_world: FloatArray, settings: LayoutSettings) -
     above_m = voxels.p_world[:, 2] - floor_height_m(voxels.p_world, way_world)
     on_floor = raster.counts(voxels.counts, np.abs(above_m) <= settings.step_over_m)
     standing = raster.counts(voxels.counts, (above_m > settings.step_over_m) & (above_m <= settings.robot_height_m))
-    seen = (standing >= settings.obstacle_points) & (standing >= settings.obstacle_share * on_floor)
-    obstacles = _without_gaps(seen, settings.obstacle_gap_cells)  # a far wall is seen in pieces; no robot fits between them
+    obstacles = _obstacles(standing, on_floor, settings)
     floor = _without_gaps(on_floor >= settings.floor_points, settings.floor_gap_cells)
     walls = _walls(raster, above_m, settings)
     empty = np.zeros(raster.shape, dtype=np.int16)
     layout = Layout(raster.corner_world, settings.cell_m, walls, obstacles, floor & ~obstacles, empty)
     layout.floor[:] |= _walked(layout, way_world, settings) & ~obstacles
     return layout
+
+
+def _obstacles(standing: FloatArray, on_floor: FloatArray, settings: LayoutSettings) -> BoolArray:
+    """Cells with enough points above the floor; beside such a cell, where an edge of it may be seen seldom, one point is enough."""
+    likely = (standing > 0) & (standing >= settings.obstacle_share * on_floor)
+    sure = likely & (standing >= settings.obstacle_points)
+    seen = likely & ndimage.binary_dilation(sure, _SQUARE)
+    return _without_gaps(seen, settings.obstacle_gap_cells)  # a far wall is seen in pieces; no robot fits between them
 
 
 def _walls(raster: _Raster, above_m: FloatArray, settings: LayoutSettings) -> BoolArray:
