@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from seo_slam.cli.progress import with_progress
+from seo_slam.cli.simulate import image_size
 from seo_slam.errors import MapError
 
 if TYPE_CHECKING:
@@ -51,6 +52,7 @@ def navigate(
     level: Annotated[float, typer.Option(help="How imperfect depth and detector are: 0 perfect, 1 a poor day.")] = 0.5,
     senses: Annotated[Senses, typer.Option(help="dualmap: the pipeline; true: it is told what it sees.")] = Senses.DUALMAP,
     strategy: Annotated[Strategy, typer.Option(help="Next candidate from the map as updated, as it was, or random.")] = Strategy.UPDATED,
+    size: Annotated[str, typer.Option(metavar="WxH", help="Size of the robot's images, pixels.")] = "320x240",
     out: Annotated[Path | None, typer.Option(help="Picture of the search, an .svg file.")] = None,
     make_map: Annotated[bool, typer.Option("--make-map", help="If MAP holds none: map the world first, on a tour. Takes minutes.")] = False,
 ) -> None:
@@ -66,7 +68,7 @@ def navigate(
     if out is not None:
         require_svg(out)
     mapped = None if make_map and not (map_path / MAP_FILE).exists() else _with_abstract(Map.load(map_path), map_path)
-    home = home_named(world, level, meshes)
+    home = home_named(world, level, meshes, image_size(size))
     if mapped is None:
         mapped = _made_map(home, map_path, senses)
     embedder = embedder_of(mapped.embedder)

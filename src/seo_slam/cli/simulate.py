@@ -31,7 +31,7 @@ def simulate(
     from seo_slam.simulation.named import simulate as make
     from seo_slam.simulation.writing import require_empty, write_recording
 
-    width, height = _size(size)
+    width, height = image_size(size)
     require_empty(out)  # a large room takes a while to furnish
     recording = make(name, seed=seed, level=level, meshes=meshes, frames=frames, width=width, height=height, changes=changes)
     write_recording(recording, out, with_progress(recording, len(recording), "drawing"))
@@ -47,7 +47,12 @@ def _write_truth_cloud(recording: "SimulatedRecording", folder: Path) -> None:
     write_labelled_cloud(folder / TRUTH_CLOUD_FILE, labelled_cloud(recording))
 
 
-def _size(text: str) -> tuple[int, int]:
+def image_size(text: str) -> tuple[int, int]:
+    """Return width and height of "320x240".
+
+    Raises:
+        ConfigError: it is something else.
+    """
     found = re.fullmatch(r"(\d{1,5})x(\d{1,5})", text)
     if found is None:
         raise ConfigError(f"--size: got {text!r}, wanted WIDTHxHEIGHT in pixels, for example 640x480")

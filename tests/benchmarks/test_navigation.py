@@ -1,0 +1,71 @@
+"""The navigation benchmark: maps are kept, every drive is a row, a drive that raises too, and bad words are refused at once."""
+
+import json
+
+import pytest
+
+import navigation
+from seo_slam.driving.trials import Trial
+
+TINY = [
+    *("--homes", "10", "--level", "0", "--mapper", "true", "--embedder", "hashed", "--size", "64x48"),
+    *("--every", "12", "--rate", "2", "--frames", "12", "--jobs", "1", "--trials", "1"),
+]
+
+
+def test_one_run(tmp_path, capsys):
+    folders = ["--maps", str(tmp_path / "maps"), "--out", str(tmp_path / "out"), "--pictures", str(tmp_path / "pictures")]
+    words = [*TINY, *folders, "--kinds", "static,cross_anchor", "--strategies", "updated,random"]
+    assert navigation.main(words) == 0
+    printed = json.loads(capsys.readouterr().out)
+    assert printed == json.loads((tmp_path / "out" / "navigation.json").read_text())
+    assert printed["protocol"] == "navigation/1"
+    assert (printed["level"], printed["radius_m"], printed["mapper"]) == (0.0, 1.0, "true")
+    assert printed["seeds"] == {"trials": 0, "apartment 10": 10}
+    assert [(row["kind"], row["strategy"], row["trials"]) for row in printed["table"]] == [
+        ("static", "updated", 1),
+        ("cross_anchor", "updated", 1),
+        ("cross_anchor", "random", 1),
+    ]
+    rows = [json.loads(line) for line in (tmp_path / "out" / "navigation.jsonl").read_text().splitlines()]
+    assert len(rows) == 3
+    assert rows[1]["trial"] == rows[2]["trial"]
+    assert all(Trial.from_dict(row["trial"]).name for row in rows)
+    assert len(list((tmp_path / "pictures").glob("*.svg"))) == 3
+    assert len(list((tmp_path / "maps").glob("apartment-10-*/map.json"))) == 1
+    assert len(printed["not_successful"]) == sum(not row["success"] for row in rows)
+
+
+def test_a_drive_that_raises_is_a_row(tmp_path, capsys, monkeypatch):
+    def broken(*args, **kwargs):
+        raise KeyError("a planner under test")
+
+    monkeypatch.setattr(navigation, "run_trial", broken)
+    assert navigation.main([*TINY, "--maps", str(tmp_path), "--kinds", "static"]) == 0
+    printed = json.loads(capsys.readouterr().out)
+    assert printed["table"][0]["failures"] == {"failed": 1}
+    assert "a planner under test" in printed["not_successful"][0]["error"]
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["--kinds", "dynamic"], "--kinds"),
+        (["--homes", "castle"], "castle"),
+        (["--mapper", "lidar"], "--mapper"),
+        (["--strategies", "best"], "--strategies"),
+        (["--jobs", "0"], "--jobs"),
+        (["--size", "big"], "size"),
+        (["--level", "-1"], "level"),
+    ],
+)
+def test_bad_words_are_refused(words, told, capsys):
+    with pytest.raises(SystemExit) as ended:
+        navigation.main([*TINY, *words])
+    assert ended.value.code == 2
+    assert told in capsys.readouterr().err
+
+
+def test_the_paper_counts():
+    counts = {kind: sum(navigation._count(kind, position) for position in range(3)) for kind in navigation.COUNTS}
+    assert counts == {"static": 78, "in_anchor": 54, "cross_anchor": 53}

@@ -1,0 +1,75 @@
+"""``seo-slam navigate``: a map and words in, attempts and the truth out; the exit status says whether it was found."""
+
+import sys
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "driving"))
+from driven_homes import apartment, mapped
+
+from seo_slam.driving import homes
+from seo_slam.map import Map
+from seo_slam.simulation.resting import anchors_of
+
+SMALL = ("--world", "apartment:10", "--size", "96x72", "--senses", "true", "--level", "0")
+
+
+@pytest.fixture(scope="module")
+def map_folder(tmp_path_factory):
+    return mapped().save(tmp_path_factory.mktemp("map")).parent
+
+
+@pytest.fixture
+def planned(monkeypatch):
+    """The home that the other tests of this run have planned already."""
+    monkeypatch.setattr(homes, "home_named", lambda *args: apartment())
+
+
+def carried():
+    """A small thing with a word of its own that stands on furniture."""
+    world = apartment().world
+    labels = [word for thing in world.things for word in (thing.label, *thing.accepted_labels)]
+    return next(t for t in world.things if t.kind == "volatile" and labels.count(t.label) == 1 and anchors_of(world)[t.id])
+
+
+def test_a_thing_is_found_and_the_way_is_drawn(run, map_folder, tmp_path):
+    picture = tmp_path / "search.svg"
+    status, out, err = run("navigate", map_folder, f"the {carried().label}", *SMALL, "--seed", 1, "--out", picture)
+    assert (status, err) == (0, "")
+    assert "attempt 1" in out
+    assert "\nfound " in out
+    assert "m away, in sight\n" in out
+    assert str(picture) in out
+    ET.parse(picture)
+
+
+def test_a_moved_thing_is_said_to_be_moved(run, map_folder, planned):
+    status, out, _ = run("navigate", map_folder, carried().label, *SMALL, "--moved", "in_anchor")
+    assert f"moved       {carried().label}: elsewhere on the " in out
+    assert status == (0 if "\nfound " in out and ": false match" not in out else 1)
+
+
+def test_what_is_not_there_is_not_found(run, map_folder, planned):
+    status, out, _ = run("navigate", map_folder, "qzxv wvkj", *SMALL)
+    assert status == 1
+    assert "not found" in out
+    assert "nothing in this world has that name" in out
+
+
+def test_mistakes_end_with_one_clear_line(run, map_folder, tmp_path):
+    bare = tmp_path / "bare"
+    Map().save(bare)
+    for words, told in (
+        ((bare, "cup", *SMALL), "no abstract map"),
+        ((map_folder, "cup", "--world", "castle"), "wanted house, or apartment:SEED"),
+        ((map_folder, "cup", *SMALL, "--out", tmp_path / "search.png"), "ends in .svg"),
+        ((map_folder, "cup", *SMALL, "--size", "big"), "WIDTHxHEIGHT"),
+        ((tmp_path / "nowhere", "cup", *SMALL), "nowhere"),
+    ):
+        status, out, err = run("navigate", *words)
+        assert (status, out) == (2, "")
+        assert err.startswith("error: ")
+        assert err.count("\n") == 1
+        assert told in err
