@@ -54,7 +54,7 @@ _BUILT_IN: dict[str, dict[str, str]] = {
     "embedder": {
         "auto": "seo_slam.backends.auto_embedder:auto_embedder",
         "minilm": "seo_slam.backends.sentence_transformers_embedder:minilm_embedder",
-        "sentence_transformers": "seo_slam.backends.sentence_transformers_embedder:SentenceTransformersEmbedder",
+        "sentence_transformers": "seo_slam.backends.sentence_transformers_embedder:sentence_transformers_embedder",
         "hashed": "seo_slam.backends.hashed_embedder:HashedEmbedder",
     },
     "chat_model": {"openai": "seo_slam.backends.openai_chat:OpenAIChat"},

@@ -1,4 +1,4 @@
-"""Text vectors of sentence-transformers models, from files on this machine."""
+"""Vectors of sentence-transformers models, from files on this machine: of words, and of pictures where the model takes them."""
 
 import json
 import logging
@@ -14,8 +14,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from seo_slam.errors import BackendError, ConfigError
+from seo_slam.errors import BackendError, ConfigError, FrameError, MissingBackendError
 from seo_slam.geometry import FloatArray
 
 MINILM = "sentence-transformers/all-MiniLM-L6-v2"
@@ -77,15 +78,73 @@ class SentenceTransformersEmbedder:
         return np.array([self._row(text) for text in texts], dtype=np.float64).reshape(len(texts), self.size)
 
     def _encode(self, text: str) -> FloatArray:
-        with self._lock, _quiet():
-            if self._model is None:
-                self._model = _load(self._source, self._offline)
-            with _one_thread():
-                encoded = self._model.encode([text], normalize_embeddings=True, show_progress_bar=False)[0]
-            row = np.asarray(encoded, dtype=np.float64)
-        row = row / max(float(np.linalg.norm(row)), 1e-12)
+        with self._lock, _quiet(), _one_thread():
+            row = np.asarray(self._encoded([text])[0], dtype=np.float64)
         row.flags.writeable = False
         return row
+
+    def _encoded(self, inputs: list[Any]) -> FloatArray:
+        """(N, D) unit rows of what the model takes, loading it at first; to be called with the lock held."""
+        if self._model is None:
+            self._model = _load(self._source, self._offline)
+        rows = np.asarray(self._model.encode(inputs, normalize_embeddings=True, show_progress_bar=False), dtype=np.float64)
+        return np.asarray(rows / np.maximum(np.linalg.norm(rows, axis=1, keepdims=True), 1e-12))
+
+
+class SentenceTransformersImageEmbedder(SentenceTransformersEmbedder):
+    """A CLIP-like model of sentence-transformers: words and pictures in one space. ``sentence_transformers_embedder`` chooses it."""
+
+    def embed_image(self, images: Sequence[NDArray[np.uint8]]) -> FloatArray:
+        """Return (N, D) float64 unit rows of RGB pictures (H, W, 3).
+
+        Raises:
+            BackendError: the model cannot be loaded, or does not take pictures.
+            MissingBackendError: Pillow, through which sentence-transformers takes pictures, is not installed.
+        """
+        if not len(images):
+            return np.zeros((0, self.size))
+        pictures = [_as_pillow(image) for image in images]
+        with self._lock, _quiet():
+            try:
+                rows = self._encoded(pictures)
+            except (TypeError, ValueError, AttributeError, KeyError) as error:
+                first = (str(error).splitlines() or [type(error).__name__])[0]
+                raise BackendError(f"sentence-transformers model {self._source}: does not take pictures: {first}") from error
+        if rows.shape != (len(images), self.size):
+            raise BackendError(f"sentence-transformers model {self._source}: pictures give {rows.shape}, wanted {(len(images), self.size)}")
+        return rows
+
+
+def sentence_transformers_embedder(model: str | Path, offline: bool = True, name: str | None = None) -> SentenceTransformersEmbedder:
+    """Return the embedder of a model: one with ``embed_image`` if the model's files say that it takes pictures.
+
+    Args and errors as ``SentenceTransformersEmbedder``. Of a model that is yet to be downloaded nothing is known: it gets no pictures.
+    """
+    folder = find_local_model(model)
+    kind = SentenceTransformersImageEmbedder if folder is not None and takes_pictures(folder) else SentenceTransformersEmbedder
+    return kind(model, offline, name)
+
+
+def takes_pictures(folder: Path) -> bool:
+    """Whether the model in a folder is CLIP-like: its first module is of that kind, or a transformer with a vision part."""
+    try:
+        first = json.loads((folder / "modules.json").read_text(encoding="utf-8"))[0]
+        if "CLIP" in first["type"]:
+            return True
+        said = json.loads((folder / first["path"] / "config.json").read_text(encoding="utf-8"))
+        return "vision_config" in said and "text_config" in said
+    except (OSError, ValueError, KeyError, TypeError, IndexError):
+        return False
+
+
+def _as_pillow(image: NDArray[np.uint8]) -> Any:
+    try:
+        pillow: Any = import_module("PIL.Image")
+    except ModuleNotFoundError as error:
+        raise MissingBackendError("pictures for a sentence-transformers model need Pillow: pip install pillow") from error
+    if image.dtype != np.uint8 or image.ndim != 3 or image.shape[2] != 3 or not image.size:
+        raise FrameError(f"picture: got {image.dtype} {image.shape}, wanted uint8 (H, W, 3), not empty")
+    return pillow.fromarray(np.ascontiguousarray(image))
 
 
 def minilm_embedder() -> SentenceTransformersEmbedder:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from seo_slam.errors import ConfigError, FrameError
 from seo_slam.geometry import FloatArray
-from seo_slam.interfaces import CropEmbedder, Embedder, ImageEmbedder
+from seo_slam.interfaces import Embedder
 from seo_slam.settings.observing import FeatureSettings
 from seo_slam.types import BoolArray, Frame
 
@@ -29,14 +29,13 @@ class ObservationFeatures:
         """
         if settings.image_weight == 0 and settings.text_weight == 0:
             raise ConfigError("features: image_weight and text_weight are both 0, wanted one of them above 0")
-        if image_encoder is not None and not isinstance(image_encoder, CropEmbedder) and not hasattr(image_encoder, "embed_image"):
+        if image_encoder is not None and not _sees(image_encoder):
             raise ConfigError(
                 f"features: image_encoder is a {type(image_encoder).__name__}, wanted something with embed_image or embed_crops"
             )
         self._settings = settings
         self._embedder = embedder
-        sees = isinstance(embedder, CropEmbedder | ImageEmbedder)
-        self._encoder: Any = image_encoder if image_encoder is not None else embedder if sees else None
+        self._encoder: Any = image_encoder if image_encoder is not None else embedder if _sees(embedder) else None
         self._words: dict[str, None] = dict.fromkeys(settings.classes)
         self._null: FloatArray | None = None
         self._warned = False
@@ -111,7 +110,7 @@ class ObservationFeatures:
         return out
 
     def _encoded(self, frame: Frame, boxes_px: FloatArray) -> FloatArray:
-        if isinstance(self._encoder, CropEmbedder):
+        if hasattr(self._encoder, "embed_crops"):
             return np.asarray(self._encoder.embed_crops(frame, boxes_px), dtype=np.float64)
         return np.asarray(self._encoder.embed_image(crops(frame.rgb, boxes_px, self._settings.crop_margin_px)), dtype=np.float64)
 
@@ -131,6 +130,11 @@ class ObservationFeatures:
             f"features are of words only: embedder {self._embedder.name!r} does not look at pictures and there is no image encoder, "
             f"so that image_weight {self._settings.image_weight:g} has no effect",
         )
+
+
+def _sees(candidate: Any) -> bool:
+    """Whether it takes pictures. (``isinstance`` of a protocol would ask for its size, and so load its model.)"""
+    return hasattr(candidate, "embed_crops") or hasattr(candidate, "embed_image")
 
 
 def crops(rgb: NDArray[np.uint8], boxes_px: FloatArray, margin_px: int) -> list[NDArray[np.uint8]]:

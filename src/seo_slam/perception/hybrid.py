@@ -11,7 +11,7 @@ from seo_slam import registry
 from seo_slam.config import Component
 from seo_slam.errors import ConfigError, FrameError
 from seo_slam.geometry import FloatArray
-from seo_slam.interfaces import CropEmbedder, Detector, Embedder
+from seo_slam.interfaces import Detector
 from seo_slam.perception.adapters import to_detections
 from seo_slam.perception.background import BACKGROUND, is_background
 from seo_slam.perception.box_masks import DepthMasker, Masker
@@ -209,7 +209,7 @@ def _settings(model: Any, given: Any) -> Any:
 def _check_rule(structure: str, encoder: Any) -> None:
     if structure not in ("auto", "looks", "shape", "keep"):
         raise ConfigError(f"hybrid: structure is {structure!r}, wanted auto, looks, shape or keep")
-    usable = isinstance(encoder, CropEmbedder) and isinstance(encoder, Embedder)
+    usable = hasattr(encoder, "embed_crops") and hasattr(encoder, "embed_text")
     if encoder is not None and not usable:
         raise ConfigError(f"hybrid: image_encoder is a {type(encoder).__name__}, wanted something with embed_crops and embed_text")
     if structure == "looks" and encoder is None:
