@@ -60,6 +60,12 @@ def test_a_thing_that_is_seen_again_from_a_corner_is_not_doubled_but_two_cups_ar
     assert labels(updated(old, two, settings).anchors[0]) == ["cup", "cup"]
 
 
+def test_a_view_from_afar_forgets_nothing(seen, settings):
+    far = table(5, table_points()[::4])
+    (anchor,) = updated(seen(table(), CUP), seen(far), settings).anchors
+    assert labels(anchor) == ["cup"]
+
+
 def test_a_corner_first_and_the_whole_later_gives_the_whole(seen, settings):
     part = table(1, corner(table_points()))
     (anchor,) = updated(seen(part, SHOE), seen(table(5), CUP), settings).anchors

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from seo_slam.abstraction.footprints import squares
 from seo_slam.geometry import FloatArray
 from seo_slam.settings.abstraction import AbstractionSettings
 from seo_slam.types import IntArray
@@ -66,8 +67,7 @@ def _cells_per_slab(p_world: FloatArray, bin_m: float) -> tuple[FloatArray, IntA
     """
     z = p_world[:, 2]
     bins = np.floor((z - z.min()) / bin_m).astype(np.int64) + 1
-    _, cell = np.unique(np.floor(p_world[:, :2] / _CELL_M).astype(np.int64), axis=0, return_inverse=True)
-    cell = cell.reshape(-1)
+    cell = squares(p_world, _CELL_M)
     total = int(cell.max()) + 1
     taken = np.unique(np.concatenate([bins, bins - 1]) * total + np.tile(cell, 2))
     counts = np.bincount(taken // total, minlength=int(bins.max()) + 1)

@@ -26,7 +26,8 @@ def updated(old: AbstractMap, new: AbstractMap, settings: AbstractionSettings) -
     plane where each covers the other. A chair under a table is none of these. No two take the same old one, but for pieces of it.
 
     An old anchor that was seen again gets the points and the feature of both (Eq 7) and keeps its id. If the new view covers more than
-    ``replace_overlap`` of it, what is on it is what was seen now: what is gone is forgotten. Else what was seen joins what was known.
+    ``replace_overlap`` of it, not from too far, what is on it is what was seen now: what is gone is forgotten. Else what was seen
+    joins what was known: who saw a corner knows nothing of the rest.
     An anchor that was never seen before gets a new id.
 
     Args:
@@ -105,7 +106,7 @@ def _seen_again(old: Anchor, seen: Sequence[Anchor], settings: AbstractionSettin
         new = replace(_joined(new, piece, settings), volatiles=(*new.volatiles, *piece.volatiles))
     before, now = ((a, Region.of(a.footprint_world, settings.footprint_voxel_m)) for a in (old, new))
     covered = _shares(before, now, settings)[0]
-    whole = covered > settings.replace_overlap
+    whole = covered > settings.replace_overlap and new.points >= settings.replace_points * old.points
     joined = _joined(old, new, settings)
     volatiles = new.volatiles if whole else _united(old.volatiles, new.volatiles, settings.same_volatile_cosine)
     heavier = new if whole or new.points > old.points else old

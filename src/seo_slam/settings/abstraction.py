@@ -21,7 +21,7 @@ class AbstractionSettings(Settings):
     movable_phrases: tuple[str, ...] = Field(MOVABLE_PHRASES, description="what the movable ones have in common")
     name_margin: float = Field(0.08, ge=0, le=2, description="where static and movable names are less apart in cosine, the phrases decide")
     phrase_margin: float = Field(0.02, ge=0, le=2, description="where the phrases are less apart, a word stays undecided")
-    template_threshold: float = Field(0.5, ge=-1, le=1, description="cosine to the template from which a thing is an anchor")
+    template_threshold: float = Field(0.54, ge=-1, le=1, description="cosine to the template from which a thing is an anchor")
     undecided_share: float = Field(
         0.2, ge=0, le=1, description="words for and against an anchor that differ by at most this share decide nothing"
     )
@@ -48,9 +48,12 @@ class AbstractionSettings(Settings):
     overlap: Literal["cells", "boxes"] = Field(
         "cells", description="overlap of footprints cell by cell, or of their boxes (the code of the paper)"
     )
-    update_overlap: float = Field(0.6, gt=0, le=1, description="a new anchor is an old one if more than this of either lies in the other")
+    update_overlap: float = Field(0.5, gt=0, le=1, description="a new anchor is an old one if more than this of either lies in the other")
     replace_overlap: float = Field(
-        0.8, gt=0, le=1, description="it shows all of the old one, and what is on it now, if it covers more than this of it"
+        0.85, gt=0, le=1, description="what is on an anchor is what a new view says, if the view covers more than this of the anchor"
+    )
+    replace_points: float = Field(
+        0.4, ge=0, description="and has at least this share of its points: seen from so near that small things show"
     )
     same_anchor_cosine: float = Field(0.7, ge=-1, le=1, description="features from which two anchors in one place may be the same")
     same_height_m: float = Field(0.1, ge=0, description="or their supporting planes are so near and each covers most of the other")
