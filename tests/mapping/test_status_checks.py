@@ -36,7 +36,23 @@ def test_two_thirds_must_be_one_word():
     assert world.see((0, AT, "cup")) == [("stable", 0)]  # 8 of 12
 
 
-def test_no_word_counts_as_a_class():
+def test_observations_without_a_class_abstain_or_count_as_one_as_in_the_paper():
+    for null_votes, stable in ((False, True), (True, False)):
+        world = CheckedMap(observations=6, null_votes=null_votes)
+        world.see((None, AT, "cup"))
+        happened = watched(world, 1, (0, AT, None)) + watched(world, 1, (0, AT, "cup"))
+        happened += watched(world, 1, (0, AT, None)) + watched(world, 1, (0, AT, "cup")) + watched(world, 1, (0, AT, None))
+        assert (("stable", 0) in happened) == stable
+
+
+def test_two_names_of_one_look_count_together():
+    world = CheckedMap(observations=4, alike_cosine=-1.0)
+    world.see((None, AT, "cup"))
+    assert watched(world, 1, (0, AT, "mug"), (0, AT, "mug")) == []
+    assert world.see((0, AT, "cup")) == [("stable", 0)]
+
+
+def test_what_never_has_a_word_is_a_thing_too():
     world = CheckedMap(observations=6)
     world.see((None, AT, None))
     assert watched(world, 5, (0, AT, None)) == [("stable", 0)]

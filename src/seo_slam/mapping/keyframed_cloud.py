@@ -21,21 +21,25 @@ STALE_SHARE = 0.25
 class KeyframedCloud:
     """Points of a landmark, one a voxel of the world, each kept in the frame of the keyframe that first saw it.
 
-    Seeing a place again averages the new points into those that are there: memory stays as it is. Where a change of the poses brings
-    points into one voxel they are folded into the oldest of them with the next ``add``.
+    Seeing a place again averages the new points into those that are there: memory stays as it is. Depth noise would still fill voxel
+    after voxel before and behind a surface seen from afar; so a point in an empty voxel is left out if a point that was there before is
+    within the noise. Where a change of the poses brings points into one voxel they are folded into the oldest of them with the next
+    ``add``.
 
     Attributes:
         voxel_m: side of a voxel.
+        noise_at_1m_m: that noise, times squared depth; 0: every voxel that holds a point is kept.
         keyframe: (M,) int32, the keyframe that each point moves with: a row of ``poses``.
         p_keyframe: (M, 3) float32, the points in the frames of those, metres.
         count: (M,) int32, in how many views, at most ``MOST_COUNTED``.
     """
 
-    def __init__(self, voxel_m: float) -> None:
+    def __init__(self, voxel_m: float, noise_at_1m_m: float = 0.0) -> None:
         """Make an empty cloud."""
-        if not voxel_m > 0:
-            raise ValueError(f"voxel_m: got {voxel_m}, wanted above 0")
+        if not voxel_m > 0 or not noise_at_1m_m >= 0:
+            raise ValueError(f"cloud: got voxel_m {voxel_m} and noise_at_1m_m {noise_at_1m_m}, wanted above 0, and at least 0")
         self.voxel_m = voxel_m
+        self.noise_at_1m_m = noise_at_1m_m
         self.keyframe: NDArray[np.int32] = np.zeros(0, dtype=np.int32)
         self.p_keyframe: NDArray[np.float32] = np.zeros((0, 3), dtype=np.float32)
         self.count: NDArray[np.int32] = np.zeros(0, dtype=np.int32)
@@ -85,13 +89,13 @@ class KeyframedCloud:
             raise FrameError(f"cloud: got keyframe {keyframe}, wanted one of the {len(poses)} that have a pose")
         if not len(p_camera):
             return
-        seen = type(self)(self.voxel_m)
+        seen = type(self)(self.voxel_m, self.noise_at_1m_m)
         seen.keyframe = np.full(len(p_camera), keyframe, dtype=np.int32)
         seen.p_keyframe = p_camera.astype(np.float32)
         seen.count = np.ones(len(p_camera), dtype=np.int32)
         seen._fold(poses)  # so that a voxel counts once a view, however many points of the view are in it
         seen.count[:] = 1
-        self._take(seen, poses)
+        self._take(seen.subset(self._tells_something(seen, poses)) if len(self) and self.noise_at_1m_m else seen, poses)
 
     def merged(self, other: "KeyframedCloud", poses: FloatArray) -> Self:
         """Return the cloud of both; in a voxel of both the one with the older keyframe gives its frame."""
@@ -101,13 +105,13 @@ class KeyframedCloud:
 
     def subset(self, chosen: BoolArray | IntArray) -> Self:
         """Return the points of a mask (M,) or of rows."""
-        out = type(self)(self.voxel_m)
+        out = type(self)(self.voxel_m, self.noise_at_1m_m)
         out.keyframe, out.p_keyframe, out.count = self.keyframe[chosen], self.p_keyframe[chosen], self.count[chosen]
         return out
 
     def copy(self) -> Self:
         """Return one that changes by itself; arrays are shared until one of the two does."""
-        out = type(self)(self.voxel_m)
+        out = type(self)(self.voxel_m, self.noise_at_1m_m)
         out.keyframe, out.p_keyframe, out.count, out._placed = self.keyframe, self.p_keyframe, self.count, self._placed
         return out
 
@@ -122,6 +126,18 @@ class KeyframedCloud:
         ``STALE_SHARE`` of a voxel since it was computed, so that its tree need not be built again.
         """
         return self._placing(poses, STALE_SHARE * self.voxel_m).cloud
+
+    def _tells_something(self, seen: "KeyframedCloud", poses: FloatArray) -> BoolArray:
+        """Which points of a view are in voxels that hold some already, or farther from all points than noise would move them."""
+        mine, theirs = self._placing(poses, 0.0), seen._placing(poses, 0.0)
+        order, starts = cell_order(np.concatenate([mine.cells, theirs.cells]))
+        alone = order[starts][np.diff(starts, append=len(order)) == 1] - len(self)
+        alone = alone[alone >= 0]
+        noise_m = self.noise_at_1m_m * seen.p_keyframe[alone, 2].astype(np.float64) ** 2
+        nearest_m, _ = mine.cloud.tree.query(theirs.p_world[alone], distance_upper_bound=float(noise_m.max(initial=0.0)))
+        out = np.ones(len(seen), dtype=np.bool_)
+        out[alone[nearest_m < noise_m]] = False
+        return out
 
     def _placing(self, poses: FloatArray, tolerance_m: float) -> "_Placed":
         if self._placed is None or not self._placed.holds(poses, tolerance_m):

@@ -74,9 +74,27 @@ class ObservationRecord:
         """How many observations each word has."""
         return Counter(self.words)
 
-    def majority(self) -> float:
-        """Share of all observations that the most frequent word has."""
-        return max(self.counts().values()) / len(self.words) if self.words else 0.0
+    def majority(self, alike_cosine: float = 1.0, null_votes: bool = True) -> float:
+        """Share of the observations that go by the most frequent word, or by one that is like it.
+
+        Args:
+            alike_cosine: features from which two words are taken for two names of one thing; 1: only the same word counts.
+            null_votes: observations without a class count as a class of their own; else they abstain, unless there are no others.
+        """
+        counts = self.counts()
+        if not null_votes and len(counts) > 1:
+            del counts[NULL]
+        if not counts:
+            return 0.0
+        top = max(counts, key=lambda word: (counts[word], word))
+        others = set() if alike_cosine >= 1.0 or top == NULL else counts.keys() - {top, NULL}
+        alike = {word for word in others if self._cosine(word, top) >= alike_cosine}
+        return sum(counts[word] for word in alike | {top}) / sum(counts.values())
+
+    def _cosine(self, word: str, other: str) -> float:
+        """Of what was seen under two words."""
+        a, b = self._features[word], self._features[other]
+        return float(a @ b / max(float(np.linalg.norm(a) * np.linalg.norm(b)), 1e-12))
 
     def feature(self) -> FloatArray:
         """(D,) unit mean of all observations' features: averaging with the number of earlier observations as weight (III-B2)."""

@@ -58,9 +58,10 @@ class StatusChecks:
 
     def passes(self, thing: Thing) -> bool:
         """Whether a thing was observed often enough, and mostly as one and the same (the paper's stability check)."""
-        record = thing.record
-        enough = record is not None and len(record) >= self._settings.observations
-        return enough and record is not None and record.majority() >= self._settings.majority - 1e-9
+        record, settings = thing.record, self._settings
+        if record is None or len(record) < settings.observations:
+            return False
+        return record.majority(settings.alike_cosine, settings.null_votes) >= settings.majority - 1e-9
 
     def _becomes_stable(self, thing: Thing) -> list[MapEvent]:
         if thing.state == "stable" or not self.passes(thing):

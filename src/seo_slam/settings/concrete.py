@@ -12,6 +12,11 @@ class OverlapSettings(Settings):
 
     threshold: float = Field(1.2, ge=-1, le=2, description="cosine plus overlap share above which an observation is of a landmark")
     distance_m: float = Field(0.02, gt=0, description="a point this near to a point of the landmark overlaps it")
+    noise_at_1m_m: float = Field(
+        0.0,
+        ge=0,
+        description="that distance is at least this times the squared range, as depth noise grows; 0: the same everywhere (the paper)",
+    )
     assignment: Literal["greedy", "one_to_one"] = Field(
         "greedy", description="greedy: each observation takes its best landmark (the paper); one_to_one: by assignment, none twice"
     )
@@ -23,6 +28,12 @@ class StatusSettings(Settings):
     enabled: bool = Field(False, description="DualMap's checks decide about a landmark's life, not existence")
     observations: int = Field(8, ge=1, description="observations that a stable landmark needs")
     majority: float = Field(2 / 3, ge=0, le=1, description="share of them that its most frequent word needs (the paper: two thirds)")
+    alike_cosine: float = Field(
+        0.75, ge=-1, le=1, description="features from which two words are names of one thing, and count together; 1: never (the paper)"
+    )
+    null_votes: bool = Field(
+        False, description="observations without a class count as a class of their own (the paper); else they abstain where others do not"
+    )
     silent_keyframes: int = Field(10, ge=1, description="a landmark not seen for so many keyframes is checked")
     silent_seconds: float = Field(2.0, ge=0, description="and for so long")
     split: bool = Field(True, description="part a landmark that is seen under two words at once")
