@@ -4,11 +4,13 @@ import json
 
 import pytest
 
+from seo_slam.agents.place_classes import PlaceClasses
 from seo_slam.agents.prompts import NAMES, prompt
 from seo_slam.agents.replies import Description, Merging, Verification
 from seo_slam.errors import ConfigError
 
 REPLIES = {"verification": Verification, "description": Description, "merging": Merging}
+EXAMPLES = {**REPLIES, "classes": PlaceClasses}
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -21,10 +23,10 @@ def test_the_first_line_is_the_version_and_is_not_sent(name):
     assert len(found.hash) == 16
 
 
-@pytest.mark.parametrize("name", REPLIES)
+@pytest.mark.parametrize("name", EXAMPLES)
 def test_the_example_in_the_prompt_is_a_valid_reply(name):
     example = prompt(name).text.splitlines()[-1]
-    REPLIES[name].model_validate(json.loads(example))
+    EXAMPLES[name].model_validate(json.loads(example))
 
 
 @pytest.mark.parametrize("name", REPLIES)

@@ -7,7 +7,7 @@ from importlib.resources import files
 
 from seo_slam.errors import ConfigError
 
-NAMES = ("verification", "description", "merging", "ask")
+NAMES = ("verification", "description", "merging", "ask", "classes")
 
 
 @dataclass(frozen=True, slots=True)

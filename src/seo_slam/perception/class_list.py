@@ -101,15 +101,16 @@ class ClassList:
             return cls.from_file(given)
         return cls(tuple(given), "classes")
 
-    def write(self, path: str | Path) -> Path:
-        """Write a file that ``from_file`` reads, and return it.
+    def write(self, path: str | Path, header: str = "") -> Path:
+        """Write a file that ``from_file`` reads, and return it; a ``header`` is one line that begins with ``#``.
 
         Raises:
             ConfigError: it cannot be written.
         """
         file = Path(path)
         try:
-            file.write_text("".join(f"{word}\n" for word in self.words), encoding="utf-8", newline="\n")
+            lines = [header, *self.words] if header else self.words
+            file.write_text("".join(f"{line}\n" for line in lines), encoding="utf-8", newline="\n")
         except OSError as error:
             raise ConfigError(f"{file}: class list cannot be written: {error.strerror}") from error
         return file

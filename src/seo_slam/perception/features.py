@@ -133,7 +133,7 @@ class ObservationFeatures:
 
 
 def _sees(candidate: Any) -> bool:
-    """Whether it takes pictures. (``isinstance`` of a protocol would ask for its size, and so load its model.)"""
+    """Whether it takes pictures; ``isinstance`` of a protocol would ask for its size too, and so load its model."""
     return hasattr(candidate, "embed_crops") or hasattr(candidate, "embed_image")
 
 
