@@ -58,18 +58,14 @@ def segmentation(
         typer.echo("\n\n".join("\n".join(_lines(result)) for result in results))
 
 
-def _with_clouds(loaded: "Map", map_folder: Path) -> list["Landmark"]:
-    """The stable landmarks with their points."""
-    from seo_slam.map_clouds import CLOUDS_FILE, read_clouds
-
-    file = (map_folder if map_folder.is_dir() else map_folder.parent) / CLOUDS_FILE
-    clouds = read_clouds(file) if file.is_file() and any(not len(row.cloud_world) for row in loaded.landmarks) else {}
-    rows = [row if len(row.cloud_world) else replace(row, cloud_world=clouds.get(row.id, row.cloud_world)) for row in loaded.landmarks]
-    without = [row.id for row in rows if not len(row.cloud_world)]
+def _with_clouds(loaded: "Map", map_folder: Path) -> tuple["Landmark", ...]:
+    """The stable landmarks; each must have its points."""
+    without = [row.id for row in loaded.landmarks if not len(row.cloud_world)]
     if without:
-        what = "no landmark" if len(without) == len(rows) else f"{len(rows) - len(without)} of {len(rows)} landmarks, not {without[0]},"
-        raise EvaluationError(f"{map_folder}: {what} has a cloud; wanted a map made with clouds (--preset dualmap) and its {CLOUDS_FILE}")
-    return rows
+        count = len(loaded.landmarks)
+        what = "no landmark" if len(without) == count else f"{count - len(without)} of {count} landmarks, not {without[0]},"
+        raise EvaluationError(f"{map_folder}: {what} has a cloud; wanted a map made with clouds (--preset dualmap) and its clouds.ply")
+    return loaded.landmarks
 
 
 def _truth(path: Path) -> "LabelledCloud":
