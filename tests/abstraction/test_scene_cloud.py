@@ -11,7 +11,7 @@ from seo_slam.geometry import exp, transform_points
 from seo_slam.settings.planning import LayoutSettings
 
 CAMERA = Camera(60.0, 60.0, 39.5, 29.5, 80, 60)
-ALL = LayoutSettings(move_m=0.3, turn_deg=10.0, new_share=0.0)
+ALL = LayoutSettings(move_m=0.25, turn_deg=10.0, new_share=0.0)
 
 
 def looking_down(x, y, z=1.2, pitch_rad=0.7, yaw_rad=0.0):
@@ -64,7 +64,7 @@ def test_pixels_without_depth_and_far_ones_are_left_out():
 
 
 def test_memory_does_not_grow_with_time_but_with_space():
-    cloud = SceneCloud(LayoutSettings(move_m=0.3, turn_deg=10.0))
+    cloud = SceneCloud(LayoutSettings(move_m=0.25, turn_deg=10.0))
     kept = []
     for _ in range(12):
         walk(cloud, 30)

@@ -61,11 +61,7 @@ class SceneCloud:
 
     def has_moved(self, T_world_camera: FloatArray) -> bool:
         """Return whether a frame of this pose would be looked at: moved or turned enough since the last one that was."""
-        if self._last is None:
-            return True
-        step = inverse(self._last) @ T_world_camera
-        turned_rad = float(np.linalg.norm(so3_log(step[:3, :3])))
-        return bool(np.linalg.norm(step[:3, 3]) >= self.settings.move_m or turned_rad >= np.radians(self.settings.turn_deg))
+        return self._last is None or far_apart(self._last, T_world_camera, self.settings)
 
     def add(self, depth_m: NDArray[np.float32], camera: Camera, T_world_camera: FloatArray, key: int | None = None) -> bool:
         """Take a frame if its pose is far enough from the last one taken and it shows something that is not well known.
@@ -84,11 +80,9 @@ class SceneCloud:
         Raises:
             FrameError: an image of another size than the camera's, or no transform.
         """
-        T = require_transform(T_world_camera, "T_world_camera")
-        if np.shape(depth_m) != (camera.height, camera.width):
-            raise FrameError(f"depth_m: got shape {np.shape(depth_m)}, wanted {(camera.height, camera.width)} as the camera says")
+        T = checked_pose(depth_m, camera, T_world_camera)
         if not self.has_moved(T):
-            self._note_way(T)
+            self.note_way(T)
             return False
         self._last = T
         p_camera = points_of(depth_m, camera, self.settings)
@@ -98,9 +92,9 @@ class SceneCloud:
             fine = Voxels.of(p_camera, self.settings.voxel_m / 2.0)
             name = len(self._kept) if key is None else key
             self._kept.append(_Kept(name, T, fine.p_world.astype(np.float32), fine.counts.astype(np.int32)))
-            self._note_way(T)
+            self.note_way(T)
             return True
-        self._note_way(T)
+        self.note_way(T)
         return False
 
     def voxels(self, poses: Mapping[int, FloatArray] | None = None) -> Voxels:
@@ -128,11 +122,36 @@ class SceneCloud:
         """Return the layout of what was seen so far; see ``voxels`` for ``poses``. No rooms yet."""
         return layout_of(self.voxels(poses), self.way_world(poses), self.settings)
 
-    def _note_way(self, T_world_camera: FloatArray) -> None:
-        cell = tuple(np.floor(T_world_camera[:2, 3] / _WAY_STEP_M).astype(int).tolist())
+    def note_way(self, T_world_camera: FloatArray) -> None:
+        """Remember that the camera was there; ``add`` does so as well. Nothing is remembered before the first frame that is kept."""
+        cell = way_cell(T_world_camera)
         if self._kept and cell not in self._walked:
             self._walked.add(cell)
             self._kept[-1].way_camera.append(transform_points(inverse(self._kept[-1].T_world_camera), T_world_camera[:3, 3]))
+
+
+def checked_pose(depth_m: NDArray[np.float32], camera: Camera, T_world_camera: FloatArray) -> FloatArray:
+    """Return the pose (4, 4).
+
+    Raises:
+        FrameError: an image of another size than the camera's, or no transform.
+    """
+    if np.shape(depth_m) != (camera.height, camera.width):
+        raise FrameError(f"depth_m: got shape {np.shape(depth_m)}, wanted {(camera.height, camera.width)} as the camera says")
+    return require_transform(T_world_camera, "T_world_camera")
+
+
+def way_cell(T_world_camera: FloatArray) -> tuple[int, int]:
+    """Return the cell, of about 0.1 m, of which one place is remembered as the camera's way."""
+    x, y = np.floor(T_world_camera[:2, 3] / _WAY_STEP_M)
+    return int(x), int(y)
+
+
+def far_apart(T_world_a: FloatArray, T_world_b: FloatArray, settings: LayoutSettings) -> bool:
+    """Return whether two poses are ``move_m`` or ``turn_deg`` apart."""
+    step = inverse(T_world_a) @ T_world_b
+    turned_rad = float(np.linalg.norm(so3_log(step[:3, :3])))
+    return bool(np.linalg.norm(step[:3, 3]) >= settings.move_m or turned_rad >= np.radians(settings.turn_deg))
 
 
 def points_of(depth_m: NDArray[np.float32], camera: Camera, settings: LayoutSettings) -> FloatArray:
