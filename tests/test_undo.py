@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import pytest
 
+from seo_slam.abstraction.abstract_map import AbstractMap
 from seo_slam.backends.sqlite_store import SqliteStore
 from seo_slam.errors import MapError, MapFormatError
 from seo_slam.map import Map
@@ -188,6 +189,14 @@ def test_untouched_landmarks_keep_the_finer_figures_of_map_json(desk):
     after = (folder / "map.json").read_text().splitlines()
     assert [line for line in before if '"id": 1,' not in line] == [line for line in after if '"id": 1,' not in line]
     assert rows_of(folder / "map.db")[1].position_m == pytest.approx(rows_of(folder)[1].position_m, abs=1e-9)
+
+
+def test_the_abstract_map_stays(desk):
+    desk.relabel(1)
+    folder = desk.save()
+    Map.load(folder).with_abstract(AbstractMap((), embedder="minilm")).save(folder)
+    undo_edit(folder, 1)
+    assert Map.load(folder).abstract.embedder == "minilm"
 
 
 def test_an_undo_is_an_edit_itself_and_is_not_undone(desk):
