@@ -153,3 +153,15 @@ def test_landmarks_without_clouds_are_compared_by_looks():
     observations = seen(landmarks.p_world[:1], ("cup",))
     assert matched(observations, landmarks).landmark_ids.tolist() == [NEW]
     assert matched(observations, landmarks, threshold=0.9).landmark_ids.tolist() == [3]
+
+
+def test_the_distance_grows_with_depth_noise():
+    landmarks = replace(known((0,)), clouds=(Cloud(LANDMARKS.p_world[:1]),))
+    observations = tiny_observations(landmarks.p_world, ("cup",))
+    range_m = observations.p_camera[0, 2]
+    shifted = replace(observations, clouds=(observations.clouds[0] + np.array([0.05, 0, 0]),))
+    estimate = tiny_estimate(landmarks)
+    for noise_m, overlap in ((0.0, 0.0), (0.049, 0.0), (0.051, 1.0)):
+        settings = OverlapSettings(distance_m=0.02, noise_at_1m_m=noise_m / range_m**2)
+        assert OverlapAssociator(settings).similarity(shifted, landmarks, estimate)[0, 0] == pytest.approx(1.0 + overlap)
+    assert OverlapAssociator(OverlapSettings(distance_m=0.051)).similarity(shifted, landmarks, estimate)[0, 0] == pytest.approx(2.0)

@@ -212,8 +212,10 @@ def test_bad_input_is_refused():
         cloud.add(0, np.full((1, 3), np.nan), poses)
     with pytest.raises(FrameError, match=r"\(3,\)"):
         cloud.add(0, np.zeros(3), poses)
-    with pytest.raises(ValueError, match="voxel_m"):
+    with pytest.raises(ValueError, match=r"voxel_m 0\.0"):
         KeyframedCloud(0.0)
+    with pytest.raises(ValueError, match="noise_at_1m_m -1"):
+        KeyframedCloud(VOXEL_M, -1)
     one, point = np.zeros(1, dtype=np.int64), np.zeros((1, 3))
     for keyframe, p_keyframe, count in (
         (one - 1, point, one + 1),
@@ -223,3 +225,37 @@ def test_bad_input_is_refused():
     ):
         with pytest.raises(FrameError, match="cloud"):
             KeyframedCloud.of(VOXEL_M, keyframe, p_keyframe, count)
+
+
+def test_depth_noise_does_not_fill_voxel_after_voxel():
+    """A wall 3 m away, seen again and again: with the noise known the cloud stays a sheet."""
+    rng = np.random.default_rng(7)
+    poses, noise_at_1m_m = np.eye(4)[None], 0.002
+    clouds = [KeyframedCloud(VOXEL_M, noise_m) for noise_m in (0.0, 3 * noise_at_1m_m)]
+    sizes = []
+    for _ in range(20):
+        p_camera = np.concatenate([rng.uniform(-0.5, 0.5, (2500, 2)), np.full((2500, 1), 3.01)], axis=1)
+        p_camera *= (1.0 + rng.normal(0, noise_at_1m_m * 3.0, 2500))[:, None]
+        for cloud in clouds:
+            cloud.add(0, p_camera, poses)
+        sizes.append([len(cloud) for cloud in clouds])
+    plain, thin = np.array(sizes).T
+    assert plain[-1] > 2.0 * plain[0]
+    assert thin[-1] < 1.1 * thin[4]
+    assert thin[-1] < 0.5 * plain[-1]
+    seen = clouds[1].world(poses).p_world
+    assert cKDTree(seen[:, :2]).query(np.stack(np.meshgrid(*[np.linspace(-0.45, 0.45, 40)] * 2), axis=-1).reshape(-1, 2))[0].max() < 0.06
+
+
+def test_what_is_beyond_the_noise_is_added():
+    poses = np.eye(4)[None]
+    sheet = np.array([[x, 0.0, 2.0] for x in np.arange(-0.2, 0.2, 0.02)])
+    cloud = KeyframedCloud(VOXEL_M, 0.01)  # 4 cm at 2 m
+    cloud.add(0, sheet, poses)
+    before = len(cloud)
+    cloud.add(0, np.array([[0.0, 0.03, 2.0], [0.0, 0.05, 2.0]]), poses)
+    assert len(cloud) == before + 1
+    assert cloud.p_keyframe[:, 1].max() == np.float32(0.05)
+    cloud.add(0, sheet, poses)
+    assert len(cloud) == before + 1
+    assert len(cloud.subset(np.arange(3)).merged(cloud, poses)) == len(cloud)

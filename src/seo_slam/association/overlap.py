@@ -117,7 +117,12 @@ class OverlapAssociator(Associator):
         if not landmarks.clouds:
             return looks
         observed = [transform_points(estimate.T_world_camera, cloud) for cloud in observations.clouds]
-        return looks + overlap_shares(observed, landmarks.clouds, self._settings.distance_m)
+        return looks + overlap_shares(observed, landmarks.clouds, self._distances_m(observations.clouds))
+
+    def _distances_m(self, clouds: Sequence[FloatArray]) -> FloatArray:
+        """(K,) how near a point must be, by the median depth of each cloud (M, 3) in the camera frame."""
+        range_m = np.array([np.median(cloud[:, 2]) if len(cloud) else 0.0 for cloud in clouds])
+        return np.maximum(self._settings.distance_m, self._settings.noise_at_1m_m * range_m**2)
 
     def _assign(self, similarity: FloatArray, allowed: BoolArray) -> IntArray:
         """(K,) the column of each observation in the assignment of least cost, N or more for none: one private column each for that."""
