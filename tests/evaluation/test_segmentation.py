@@ -104,13 +104,31 @@ def test_a_thing_in_two_pieces_is_one_and_a_duplicate():
     assert counts.odr == pytest.approx(4 / 3)
 
 
-def test_two_things_in_one_object_are_a_mixture_or_one_swallowed():
+def test_of_several_things_in_one_object_one_is_found_and_the_others_are_swallowed():
     both = PredictedObject(np.concatenate([line("chair"), line("table")[:3]]), label="chair")
     counts = scored([both, thing("door", "door")]).counts
     assert (counts.matched, counts.missed, counts.swallowed, counts.of_nothing) == (2, 1, 1, 0)
     three = PredictedObject(np.concatenate([line("chair"), line("table"), line("door")]), label="chair")
     counts = scored([three]).counts
-    assert (counts.matched, counts.of_nothing, counts.missed, counts.swallowed) == (0, 1, 3, 3)
+    assert (counts.matched, counts.of_nothing, counts.missed, counts.swallowed) == (1, 0, 2, 2)
+
+
+def test_a_small_thing_whose_cloud_spills_over_its_table_is_found():
+    """Half of the points of a banana lie on the table: it is still the banana."""
+    x = 0.02 * np.arange(200)
+    table = np.column_stack([x, np.zeros((200, 2))])
+    banana = np.column_stack([x[:6], np.zeros(6), np.full(6, 0.04)])
+    ids = np.repeat([3, 0], [200, 6])
+    small = LabelledCloud(np.concatenate([table, banana]), ids + 1, ids, NAMES)
+    objects = [PredictedObject(table[8:], label="table"), PredictedObject(np.concatenate([banana, table[:8]]), label="chair")]
+    counts = scored(objects, true=small).counts
+    assert (counts.matched, counts.duplicates, counts.missed, counts.rightly_called) == (2, 0, 0, 2)
+
+
+def test_an_object_in_the_air_is_of_nothing():
+    in_the_air = PredictedObject(line("chair") + np.array([0.0, 0.0, 3.0]), label="chair")
+    counts = scored([*perfect(), in_the_air]).counts
+    assert (counts.of_nothing, counts.matched, counts.duplicates) == (1, 3, 0)
 
 
 def test_a_missing_thing_is_missed_though_its_points_get_a_class():

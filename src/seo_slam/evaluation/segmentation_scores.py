@@ -21,10 +21,11 @@ COUNTED = {
     "odr": "predicted / visible, or / objects where the truth does not say what was visible",
     "odr_objects": "predicted / objects",
     "odr_with_dropped": "all objects of the map / all true things, dropped classes included",
-    "matched": "true things with at least one predicted object that lies on them by half of its points or more, whatever it is called",
+    "matched": "true things with a predicted object, whatever it is called; an object is the thing of the greatest intersection over union "
+    "among those on which a quarter of its points or more lie",
     "duplicates": "further predicted objects on a matched thing: pieces and copies",
     "of_dropped": "predicted objects on things of dropped classes (pieces of wall that are called something else)",
-    "of_nothing": "predicted objects on no one thing: mixtures, and what is not there",
+    "of_nothing": "predicted objects that lie on no thing: what is not there",
     "swallowed": "missed things within 5 cm of an object of something else, which gets most of their points; nothing is near the others",
     "rightly_called": "predicted objects on a thing that are called by its class",
     "covered": "share of true points with a predicted point within 5 cm",
