@@ -52,12 +52,13 @@ class DepthMasker:
 
 
 def _heaviest_piece(inside: BoolArray) -> BoolArray:
-    """The connected piece of what is inside a box (h, w) that has the most of its middle."""
-    count, pieces = cv2.connectedComponents(inside.astype(np.uint8), connectivity=8)
-    if count <= 2:
-        return inside
+    """The connected piece of what is inside a box (h, w) that has the most of its middle, its pinholes closed."""
+    closed = cv2.morphologyEx(inside.astype(np.uint8), cv2.MORPH_CLOSE, np.ones((3, 3), dtype=np.uint8))
+    count, pieces = cv2.connectedComponents(closed, connectivity=8)
     height, width = inside.shape
     v, u = (np.arange(height) + 0.5) / height - 0.5, (np.arange(width) + 0.5) / width - 0.5
-    weight = np.where(inside, np.exp(-8.0 * v**2)[:, None] * np.exp(-8.0 * u**2)[None, :], 0.0)  # a quarter of the side wide, as in lifting
+    weight = np.where(
+        pieces > 0, np.exp(-8.0 * v**2)[:, None] * np.exp(-8.0 * u**2)[None, :], 0.0
+    )  # a quarter of the side wide, as in lifting
     weights = np.bincount(pieces.ravel(), weights=weight.ravel(), minlength=count)
     return np.asarray(pieces == int(np.argmax(weights)))
