@@ -1,7 +1,7 @@
 """Where to stand and where to turn, so that the top of an anchor comes into view, or so that the robot is before a thing."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,13 +15,18 @@ from seo_slam.types import BoolArray
 
 _FARTHEST_M = 2.4  # from a footprint, to look at it
 _NEAR_M, _FAR_M = 0.5, 1.7  # the distance to look from is between these
-_STEP_M = 0.1
+_STEP_M = 0.15
 _EDGE_RAD = 0.05  # what is so near to the edge of the image does not count as in view
 _APART_M = 0.4  # two places to look from
 _OTHER_SIDE_RAD = 0.7  # seen from the anchor, another view is at least so far round
 _PLACES = 6
-_TOO_NEAR, _TOO_FAR, _WAY, _WALL, _OTHER_ROOM = 2.0, 0.7, 0.1, 3.0, 3.0  # costs: by the metre, and of another room
+_TOO_NEAR, _TOO_FAR, _WAY = 2.0, 0.7, 0.1  # costs by the metre
+_HIDDEN, _OTHER_ROOM = 5.0, 3.0  # and of a view that is blocked, and of another room
+_WALL_CELLS = 1.5  # less than this of a wall is the ragged edge of one
 _STOP_STEP_M, _STOP_APART_M = 0.05, 0.15
+_LOOKED_OVER_M = 1.2
+_INNER = np.array([[0.0, 0.0], [0.35, 0.35], [0.35, -0.35], [-0.35, 0.35], [-0.35, -0.35]])  # of a box
+_HALF_HIDDEN = 0.4
 _SHARE_OF_VIEW = 0.75  # one look takes in so much of the view's width
 
 
@@ -88,7 +93,7 @@ def viewpoints(
     kept = (away <= _FARTHEST_M) & _from_another_side(xy, anchor.xy_world, before)
     xy, away = xy[kept], away[kept]
     cost = _TOO_NEAR * np.maximum(best_m - away, 0.0) + _TOO_FAR * np.maximum(away - best_m, 0.0)
-    cost += _WAY * np.linalg.norm(xy - from_xy, axis=1) + _WALL * walls_between_m(xy, anchor, layout)
+    cost += _WAY * np.linalg.norm(xy - from_xy, axis=1) + _HIDDEN * hidden_share(xy, anchor, layout)
     room = room_at(layout, low, high)
     if room:
         cost += _OTHER_ROOM * (rooms_of(xy, layout) != room)
@@ -108,11 +113,13 @@ def places_near(target_xy: FloatArray, within_m: float, from_xy: FloatArray, gri
     xy = _free_around(target_xy - within_m, target_xy + within_m, _STOP_STEP_M, grid)
     away = np.linalg.norm(xy - target_xy, axis=1)
     xy, away = xy[away <= within_m], away[away <= within_m]
-    cost = away + 0.5 * _WAY * np.linalg.norm(xy - from_xy, axis=1) + _WALL * _walls_m(xy, target_xy, layout)
+    walls_m = _walls_m(xy, target_xy, layout)  # the bookcase that a thing is in hides it from everywhere: only more than that counts
+    hidden = walls_m > walls_m.min(initial=np.inf) + _WALL_CELLS * layout.cell_m
+    cost = away + 0.5 * _WAY * np.linalg.norm(xy - from_xy, axis=1) + _HIDDEN * hidden
     here = int(rooms_of(from_xy[None], layout)[0])
     if here:
         rooms = rooms_of(xy, layout)
-        cost += _OTHER_ROOM * ((rooms != here) & (rooms > 0)) * (walls_along(from_xy, target_xy, layout) > 0)
+        cost += _OTHER_ROOM * ((rooms != here) & (rooms > 0)) * (walls_along(from_xy, target_xy, layout) > _WALL_CELLS * layout.cell_m)
     return _best(xy, cost, from_xy, grid, _PLACES, _STOP_APART_M)
 
 
@@ -133,7 +140,8 @@ def in_sight(anchors: Sequence[Anchor], from_xy: FloatArray, eye: Eye, range_m: 
     found = []
     for anchor in anchors:
         away = float(np.linalg.norm(anchor.footprint_world - from_xy, axis=1).mean())
-        if eye.nearest_m(anchor.support_z_m) <= away <= range_m and walls_between_m(from_xy[None], anchor, layout)[0] <= layout.cell_m:
+        hidden = hidden_share(from_xy[None], anchor, layout)[0]
+        if eye.nearest_m(anchor.support_z_m) <= away <= range_m and hidden <= _HALF_HIDDEN:
             found.append(anchor)
     return tuple(found)
 
@@ -163,10 +171,36 @@ def walls_along(a_world: FloatArray, b_world: FloatArray, layout: Layout) -> flo
     return float(_walls_m(a_world[None], b_world, layout)[0])
 
 
-def walls_between_m(xy_world: FloatArray, anchor: Anchor, layout: Layout) -> FloatArray:
-    """Return (N,) metres of wall between points (N, 2) and the middle of an anchor; the anchor's own cells are none."""
+def hidden_share(xy_world: FloatArray, anchor: Anchor, layout: Layout) -> FloatArray:
+    """Return (N,) which share of a few points of an anchor is hidden from points (N, 2) by walls; the anchor itself hides none."""
     low, high = anchor.bounds_world
-    return _walls_m(xy_world, anchor.xy_world, layout, (low - layout.cell_m, high + layout.cell_m))
+    targets = anchor.xy_world + _INNER * (high - low)
+    walls_m = np.stack([_walls_m(xy_world, target, layout, (low, high)) for target in targets])
+    return np.asarray((walls_m > _WALL_CELLS * layout.cell_m).mean(axis=0))
+
+
+def what_hides(layout: Layout, anchors: Sequence[Anchor], over_m: float = _LOOKED_OVER_M) -> Layout:
+    """Return the layout with all as ``walls`` that one cannot look past: walls and obstacles that are no low furniture.
+
+    The histogram of DualMap's layout calls only the densest cells walls; a wall seen from afar is an obstacle like any other.
+
+    Args:
+        layout: of the map.
+        anchors: of the map.
+        over_m: furniture up to this height can be looked over.
+    """
+    opaque = layout.walls | layout.obstacles
+    for anchor in anchors:
+        if anchor.z_range_m[1] - anchor.z_range_m[0] <= over_m:
+            low, high = anchor.bounds_world
+            window = _window(layout, low - layout.cell_m, high + layout.cell_m)
+            opaque[window] = layout.walls[window]  # a wall between two shelves may be in the boxes of both, and it stays
+    return replace(layout, walls=opaque)
+
+
+def _window(layout: Layout, low: FloatArray, high: FloatArray) -> tuple[slice, slice]:
+    first, last = np.maximum(layout.cells(np.stack([low, high])), -1)
+    return slice(max(first[0], 0), last[0] + 1), slice(max(first[1], 0), last[1] + 1)
 
 
 def _walls_m(xy_world: FloatArray, target_xy: FloatArray, layout: Layout, but: tuple[FloatArray, FloatArray] | None = None) -> FloatArray:
@@ -174,7 +208,7 @@ def _walls_m(xy_world: FloatArray, target_xy: FloatArray, layout: Layout, but: t
         return np.zeros(0)
     way = target_xy - xy_world
     lengths = np.linalg.norm(way, axis=1)
-    count = max(int(np.ceil(lengths.max() / (0.5 * layout.cell_m))), 1) + 1
+    count = max(int(np.ceil(lengths.max() / (0.75 * layout.cell_m))), 1) + 1
     points = xy_world[:, None] + way[:, None] * np.linspace(0.0, 1.0, count)[:, None]
     cells = layout.cells(points)
     inside = ((cells >= 0) & (cells < layout.walls.shape)).all(axis=-1)

@@ -11,6 +11,7 @@ from seo_slam.geometry import FloatArray
 from seo_slam.interfaces import Embedder
 from seo_slam.navigation.judging import Judge
 from seo_slam.navigation.local_match import center_of
+from seo_slam.navigation.looking import what_hides
 from seo_slam.navigation.memory import Memory
 from seo_slam.navigation.motion import stop
 from seo_slam.navigation.outcomes import Candidate, Command, Ending, Outcome
@@ -235,8 +236,9 @@ def _ways(
     layout = abstract_map.layout
     if layout is None:
         return None
+    hiding = what_hides(layout, abstract_map.anchors)
     if grid is not None and far is not None and near is not None:
-        return Ways(layout, grid, far, near)
+        return Ways(hiding, grid, far, near)
     if not (grid is None and far is None and near is None):
         raise ConfigError("navigator: got some of grid, far and near, wanted all three or none")
     from seo_slam.navigation.global_planner import VoronoiPlanner
@@ -244,7 +246,7 @@ def _ways(
     from seo_slam.navigation.local_planner import RrtStar
 
     own = NavigationGrid(layout, planning.radius_m)
-    return Ways(layout, own, VoronoiPlanner(own, planning), RrtStar(own, planning, seed))
+    return Ways(hiding, own, VoronoiPlanner(own, planning), RrtStar(own, planning, seed))
 
 
 def _map_keeping(

@@ -78,7 +78,7 @@ class Outcome:
         query: what was asked for.
         ending: see ``Ending``.
         reason: in words.
-        attempts: in order.
+        attempts: in order, also those that came to nothing on the way; see ``places_gone_to``.
         target_world: (3,) the place of the confident match; None unless found.
         steps: frames that were stepped.
     """
@@ -89,6 +89,11 @@ class Outcome:
     attempts: tuple[Attempt, ...]
     target_world: FloatArray | None
     steps: int
+
+    @property
+    def places_gone_to(self) -> int:
+        """How many of the attempts count: the robot came there. No path, or another match met on the way, cost none."""
+        return sum(attempt.reached for attempt in self.attempts)
 
     @property
     def found(self) -> bool:

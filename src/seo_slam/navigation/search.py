@@ -31,6 +31,7 @@ class Search:
 
     An attempt is a place that the robot came to: a candidate, looked at from one or more sides, or a clear match elsewhere that was gone
     to. What was not come to is logged as well and does not count: no way led there, the way was blocked, or a clear match was met on it.
+    When the attempts are used up no more candidates are guessed, but a clear match that is known by then is still gone to.
 
     Attributes:
         attempts: so far.
@@ -71,19 +72,17 @@ class Search:
             return "bad_start", f"the robot stands at ({xy[0]:.2f}, {xy[1]:.2f}), from where no free floor can be come to"
         if self._settings.look_first:
             yield from self._look_around()
-        while self._places_gone_to < self._settings.attempts:
+        while True:
             clear = self._clear()
-            candidate = None if clear is not None else self._selection.next()
             if clear is not None:
                 yield from self._go_to(clear)
-            elif candidate is not None:
+            elif self._places_gone_to < self._settings.attempts and (candidate := self._selection.next()) is not None:
                 yield from self._try(candidate)
             else:
-                break
+                return self._in_vain()
             if self.found is not None:
                 return "found", f"stopped before the {self.found.label} ({self.found.score:.2f})"
             self.learn()
-        return self._in_vain()
 
     def learn(self) -> None:
         """Bring what was seen into the abstract map, if the strategy does."""

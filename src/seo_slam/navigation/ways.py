@@ -22,7 +22,7 @@ class Ways:
     """The floor, and those who find ways over it.
 
     Attributes:
-        layout: walls and rooms.
+        layout: what hides as its walls, see ``looking.what_hides``; and rooms.
         grid: where the robot may be.
         far: the global planner (Voronoi).
         near: the local planner (RRT*).

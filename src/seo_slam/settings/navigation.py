@@ -14,7 +14,7 @@ Opportunism = Literal["never", "after_first", "always"]
 class NavigationSettings(Settings):
     """How a thing is searched for by name. Scores are cosines in the space of the embedder: the defaults are for MiniLM and words."""
 
-    attempts: int = Field(3, ge=1, description="places that are gone to before the search ends (the paper: three)")
+    attempts: int = Field(3, ge=1, description="candidates that are gone to before the search ends (the paper: three)")
     margin: float = Field(0.1, ge=0, le=1, description="a match may score so much less than the first candidate did")
     least_score: float = Field(0.55, ge=-1, le=1, description="below it nothing is alike: the map does not know what is asked for")
     local_observations: int = Field(3, ge=1, description="observations of this search that a match needs")
@@ -47,7 +47,7 @@ class NavigationSettings(Settings):
     look_ahead_m: float = Field(0.6, gt=0, description="the robot heads for the point of its path this far ahead")
     reach_m: float = Field(0.08, gt=0, description="a waypoint is reached at this distance")
     turned_rad: float = Field(0.06, gt=0, description="a heading is reached at this difference")
-    escape_m: float = Field(0.5, ge=0, description="free floor this near to a robot that stands outside of it is gone to first")
+    escape_m: float = Field(1.0, ge=0, description="free floor this near to a robot that stands outside of it is gone to first")
     approach_m: float = Field(1.5, gt=0, description="the robot stops at most this far from the middle of the match")
     stuck_frames: int = Field(20, ge=2, description="frames without getting ahead after which another path is planned")
     replans: int = Field(3, ge=0, description="other paths on one way before it counts as blocked")
