@@ -49,7 +49,7 @@ def test_every_cost_is_the_sum_of_its_edges_and_every_edge_is_clear(grid, seed):
 
 def test_nodes_were_rewired_and_what_is_after_them_followed():
     """A node is moved to a shorter way: its subtree gets cheaper by as much."""
-    tree = SearchTree(np.zeros(2), 10)
+    tree = SearchTree(np.zeros(2))
     detour = tree.add(np.array([0.0, 1.0]), 0)
     moved = tree.add(np.array([1.0, 1.0]), detour)
     after = tree.add(np.array([2.0, 1.0]), moved)
@@ -66,7 +66,7 @@ def test_nodes_were_rewired_and_what_is_after_them_followed():
 @given(st.integers(0, 10_000))
 def test_costs_hold_whatever_is_moved(seed):
     draws = np.random.default_rng(seed)
-    tree = SearchTree(draws.random(2), 30)
+    tree = SearchTree(draws.random(2))
     for _ in range(25):
         tree.add(draws.random(2), int(draws.integers(len(tree))))
     for _ in range(20):
@@ -82,25 +82,21 @@ def test_costs_hold_whatever_is_moved(seed):
 def test_more_iterations_make_better_ways_close_to_the_best(grid):
     best = length_m(CellGraph(grid).way(START, GOAL))
     means = []
-    for iterations in (60, 150, 600):
+    for iterations in (150, 400, 1000):
         costs = []
         for seed in range(6):
             planner = RrtStar(grid, PlannerSettings(rrt_iterations=iterations), seed)
-            try:
-                planner.path(START, GOAL)
-            except NoPathError:
-                costs.append(np.inf)
-                continue
+            planner.path(START, GOAL)
             goal = int(np.argmin(planner.tree.distances_m(GOAL)))
             costs.append(planner.tree.cost_m[goal])
-        means.append(np.mean(np.minimum(costs, 10.0)))
+        means.append(np.mean(costs))
     assert means[0] > means[1] > means[2]
-    assert means[2] < 1.1 * best
+    assert means[2] < best
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_ways_touch_nothing(seed):
-    grid = NavigationGrid(random_layout(seed, share=0.02), 0.12)
+    grid = NavigationGrid(random_layout(seed, share=0.05), 0.12)
     draws = np.random.default_rng(seed)
     found = 0
     for _ in range(10):
@@ -111,6 +107,15 @@ def test_ways_touch_nothing(seed):
             assert distance_to_blocked_m(grid.layout, along(path, 0.02)).min() >= 0.12 - 1e-6
             found += 1
     assert found
+
+
+def test_a_way_is_found_wherever_one_exists_however_few_the_samples(grid):
+    for iterations in (1, 2, 30):
+        planner = RrtStar(grid, PlannerSettings(rrt_iterations=iterations, rrt_step_m=0.2))
+        path = planner.path(START, GOAL)
+        assert np.array_equal(path[[0, -1]], [START, GOAL])
+        assert distance_to_blocked_m(grid.layout, along(path)).min() >= 0.18 - 1e-6
+        np.testing.assert_allclose(planner.tree.cost_m, sums_of_edges(planner.tree), atol=1e-9)
 
 
 def test_the_same_seed_gives_the_same_way(grid):
@@ -138,7 +143,5 @@ def test_no_way_is_an_error_that_says_which(grid):
     shut = NavigationGrid(layout_from("\n".join(["#" * 31, *[WALLED] * 20, "#" * 31])), 0.18)
     with pytest.raises(NoPathError, match="interrupted"):
         RrtStar(shut).path(START, GOAL)
-    with pytest.raises(NoPathError, match="RRT\\* found none in 1 iterations, although one exists"):
-        RrtStar(grid, PlannerSettings(rrt_iterations=1)).path(START, GOAL)
     with pytest.raises(FrameError, match="start"):
         RrtStar(grid).path(np.array([np.inf, 0.0]), GOAL)

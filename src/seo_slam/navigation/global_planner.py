@@ -5,15 +5,17 @@ The lines are the skeleton of the free cells. It keeps the connections of the fr
 
 import math
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from scipy.spatial import cKDTree
 
 from seo_slam.geometry import FloatArray
-from seo_slam.navigation.cell_graph import CellGraph, neighbour_pairs
+from seo_slam.navigation.cell_graph import CellGraph
 from seo_slam.navigation.grid import NavigationGrid
 from seo_slam.navigation.path_smoothing import shortened
 from seo_slam.navigation.planner_ends import ends_of
+from seo_slam.navigation.skeleton_graph import skeleton_graph
 from seo_slam.registry import missing
 from seo_slam.settings.planning import PlannerSettings
 from seo_slam.types import BoolArray, IntArray
@@ -34,7 +36,7 @@ class VoronoiPlanner:
     Attributes:
         grid: where to plan.
         skeleton: (R, C) the free cells in the middle between what is around them.
-        graph: of the skeleton; a node is a cell of it with its place as ``xy``, an edge has its ``length`` in metres.
+        graph: of the skeleton; see ``skeleton_graph``.
         joined_by_grid: how many ends so far saw no node of the skeleton and were led to it cell by cell.
         found_by_grid: how many ways so far were searched cell by cell, since their part of the floor has no skeleton.
     """
@@ -46,11 +48,11 @@ class VoronoiPlanner:
         self.joined_by_grid = 0
         self.found_by_grid = 0
         self.skeleton: BoolArray = np.asarray(skeletonize(grid.free), dtype=np.bool_)
-        self._nodes: IntArray = np.flatnonzero(self.skeleton)
-        self._xy = grid.layout.middles(np.argwhere(self.skeleton))
+        self.graph = skeleton_graph(self.skeleton, grid.layout)
+        self._places: dict[int, list[float]] = {node: kept["xy"] for node, kept in self.graph.nodes.items()}
+        self._nodes = list(self._places)
+        self._xy: FloatArray = np.array(list(self._places.values()), dtype=np.float64).reshape(-1, 2)
         self._tree = cKDTree(self._xy)
-        self._places = dict(zip(self._nodes.tolist(), self._xy.tolist(), strict=True))
-        self.graph = _graph_of(self.skeleton, self._places, grid.cell_m)
 
     def path(self, start_xy: FloatArray, goal_xy: FloatArray) -> FloatArray:
         """Return a collision-free way.
@@ -77,7 +79,9 @@ class VoronoiPlanner:
 
     @cached_property
     def _ways_to_skeleton(self) -> IntArray:
-        return self._cells.ways_to(self.skeleton)
+        nodes = np.zeros(self.grid.free.size, dtype=np.bool_)
+        nodes[self._nodes] = True
+        return self._cells.ways_to(nodes)
 
     def _along_skeleton(self, start: FloatArray, goal: FloatArray) -> FloatArray:
         """A clear way through many points, before any short cut."""
@@ -89,7 +93,15 @@ class VoronoiPlanner:
             return self._cells.way(start, goal)
         (lead_in, node_in), (lead_out, node_out) = first, last
         nodes = networkx.astar_path(self.graph, node_in, node_out, heuristic=self._straight_m, weight="length")
-        return np.concatenate([lead_in, [self._places[node] for node in nodes], lead_out[::-1]])
+        return np.concatenate([lead_in, self._over_cells(nodes), lead_out[::-1]])
+
+    def _over_cells(self, nodes: list[int]) -> FloatArray:
+        """All cells (N, 2) that a way over nodes runs over."""
+        cells = nodes[:1]
+        for a, b in pairwise(nodes):
+            between: list[int] = self.graph.edges[a, b]["cells"]
+            cells += between[1:] if between[0] == a else between[-2::-1]
+        return self.grid.layout.middles(np.stack(np.unravel_index(cells, self.grid.free.shape), axis=-1))
 
     def _joined(self, xy: FloatArray) -> tuple[FloatArray, int] | None:
         """A clear way (N, 2) from a free point to a node, and that node: straight where one is seen, else cell by cell."""
@@ -97,7 +109,7 @@ class VoronoiPlanner:
             return None
         for index in np.atleast_1d(self._tree.query(xy, k=min(_NEAREST, len(self._nodes)))[1]):
             if self.grid.is_clear(xy, self._xy[index]):
-                return xy[None], int(self._nodes[index])
+                return xy[None], self._nodes[index]
         way, node = self._cells.follow(self._ways_to_skeleton, xy)
         if node not in self._places:
             return None
@@ -107,12 +119,3 @@ class VoronoiPlanner:
     def _straight_m(self, a: int, b: int) -> float:
         (xa, ya), (xb, yb) = self._places[a], self._places[b]
         return math.hypot(xa - xb, ya - yb)
-
-
-def _graph_of(skeleton: BoolArray, places: dict[int, list[float]], cell_m: float) -> "networkx.Graph[int]":
-    """The cells of a skeleton, each joined with its neighbours."""
-    graph: networkx.Graph[int] = networkx.Graph()
-    graph.add_nodes_from((node, {"xy": tuple(xy)}) for node, xy in places.items())
-    ones, others, lengths = neighbour_pairs(skeleton)
-    graph.add_weighted_edges_from(zip(ones.tolist(), others.tolist(), (lengths * cell_m).tolist(), strict=True), weight="length")
-    return graph

@@ -1,5 +1,6 @@
 """Where the middle of a round robot may be: the layout, grown by the robot's radius, with exact tests of points and segments."""
 
+import math
 from functools import cached_property
 
 import numpy as np
@@ -15,6 +16,7 @@ EIGHT = np.ones((3, 3), dtype=np.bool_)
 """Cells that meet at a corner are neighbours: a robot may pass from one to the other, since both are free up to their edge."""
 
 _CORNER = 1e-9  # of a cell: a segment that crosses two lines of the grid so near to each other goes through a corner
+_END = 1.0 - 1e-12  # of a segment: a line of the grid that it ends on is not crossed
 _ESCAPE_CELLS = 2
 
 
@@ -141,24 +143,21 @@ class NavigationGrid:
         to_x, to_y = (float(b_world[0]) - self._corner[0]) / self.cell_m, (float(b_world[1]) - self._corner[1]) / self.cell_m
         if not (0 <= x < columns and 0 <= to_x < columns and 0 <= y < rows and 0 <= to_y < rows):
             return False
-        column, row, last_column, last_row = int(x), int(y), int(to_x), int(to_y)
+        cell, last = int(y) * columns + int(x), int(to_y) * columns + int(to_x)
         over_x, over_y = to_x - x, to_y - y
-        step_x, step_y = (1 if over_x > 0 else -1), (1 if over_y > 0 else -1)
-        each_x = abs(1.0 / over_x) if over_x else np.inf
-        each_y = abs(1.0 / over_y) if over_y else np.inf
-        next_x = (column + (step_x > 0) - x) / over_x if over_x else np.inf
-        next_y = (row + (step_y > 0) - y) / over_y if over_y else np.inf
+        right, down = (1 if over_x > 0 else -1), (columns if over_y > 0 else -columns)
+        each_x, each_y = (abs(1.0 / over_x) if over_x else math.inf), (abs(1.0 / over_y) if over_y else math.inf)
+        next_x = (int(x) + (over_x > 0) - x) / over_x if over_x else math.inf
+        next_y = (int(y) + (over_y > 0) - y) / over_y if over_y else math.inf
         corner = _CORNER * min(each_x, each_y)
-        while values[row * columns + column] >= least:
-            if (column == last_column and row == last_row) or min(next_x, next_y) > 1.0:
-                return bool(values[last_row * columns + last_column] >= least)
+        while values[cell] >= least:
             ahead = next_x - next_y
+            if (next_x if ahead < 0 else next_y) >= _END:
+                return bool(values[last] >= least)
             if ahead <= corner:
-                column += step_x
+                cell += right
                 next_x += each_x
             if ahead >= -corner:
-                row += step_y
+                cell += down
                 next_y += each_y
-            if not (0 <= column < columns and 0 <= row < rows):
-                return bool(values[last_row * columns + last_column] >= least)
         return False

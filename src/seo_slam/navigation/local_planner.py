@@ -1,11 +1,12 @@
 """The local planner: RRT* (Karaman and Frazzoli, "Sampling-based algorithms for optimal motion planning", 2011; DualMap IV-C)."""
 
 import math
+from itertools import pairwise
 
 import numpy as np
 
-from seo_slam.errors import NoPathError
 from seo_slam.geometry import FloatArray
+from seo_slam.navigation.cell_graph import CellGraph
 from seo_slam.navigation.grid import NavigationGrid
 from seo_slam.navigation.path_smoothing import shortened
 from seo_slam.navigation.planner_ends import Ends, ends_of
@@ -44,35 +45,36 @@ class RrtStar:
 
         Raises:
             FrameError: a point is not two finite numbers.
-            NoPathError: no way exists, or none was found in so many iterations; the message says which.
+            NoPathError: no way exists; the message says why and where.
         """
         ends = ends_of(self.grid, start_xy, goal_xy)
-        self.tree = tree = SearchTree(ends.start, self.settings.rrt_iterations + 2)
+        self.tree = tree = SearchTree(ends.start)
         goal = self._grow(tree, ends)
-        if goal is None:
-            raise NoPathError(
-                f"from ({ends.start[0]:.2f}, {ends.start[1]:.2f}) to ({ends.goal[0]:.2f}, {ends.goal[1]:.2f}): RRT* found none in "
-                f"{self.settings.rrt_iterations} iterations, although one exists; wanted more of them, or the global planner"
-            )
         return np.concatenate([ends.escape, shortened(tree.way_to(goal), self.grid, self.grid.radius_m)])
 
-    def _grow(self, tree: SearchTree, ends: Ends) -> int | None:
-        """Grow the tree through all iterations and return the node of the goal; None if it was not reached."""
+    def _grow(self, tree: SearchTree, ends: Ends) -> int:
+        """Grow the tree through all iterations and return the node of the goal.
+
+        If the goal is not reached in half of them, the shortest way over cells becomes a branch, and the other half makes it better: the
+        way round a wall and through a door is rarely hit by chance.
+        """
         settings, draws = self.settings, np.random.default_rng([self.seed, _KEY])
         part = self._part_of(ends.start)
+        area_m2 = len(part) * self.grid.cell_m**2
         near = part[_from_segment_m(part, ends.start, ends.goal) <= max(settings.rrt_around_m, self.grid.cell_m)]
         goal = self._try_goal(tree, 0, ends.goal)
         for iteration in range(settings.rrt_iterations):
-            from_part = part if goal is None and 2 * iteration >= settings.rrt_iterations else near
-            sample = from_part[draws.integers(len(from_part))] + self.grid.cell_m * draws.uniform(-0.5, 0.5, 2)
+            if goal is None and iteration == settings.rrt_iterations // 2:
+                near, goal = part, self._branch_over_cells(tree, ends)
+            sample = near[draws.integers(len(near))] + self.grid.cell_m * draws.uniform(-0.5, 0.5, 2)
             if goal is None:
                 sample = ends.goal if draws.random() < settings.rrt_goal_share else sample
             elif _through_m(sample, ends) >= tree.cost_m[goal]:
                 continue  # no way over there is shorter than the one there is (Gammell et al. 2014)
-            added = self._extend(tree, sample, len(from_part) * self.grid.cell_m**2)
+            added = self._extend(tree, sample, area_m2)
             if added is not None and goal is None:
                 goal = self._try_goal(tree, added, ends.goal)
-        return goal
+        return self._branch_over_cells(tree, ends) if goal is None else goal
 
     def _extend(self, tree: SearchTree, sample: FloatArray, area_m2: float) -> int | None:
         """One step: towards a sample, from the best parent, and then to whom it leads more shortly. The new node, or None."""
@@ -116,6 +118,15 @@ class RrtStar:
         """Radius within which a tree of so many nodes is rewired: shrinks with (log n / n)^(1/2), but at most one step."""
         gamma = 2.0 * math.sqrt(1.5 * area_m2 / math.pi)  # the least that the proof allows, for two dimensions
         return min(1.1 * gamma * math.sqrt(math.log(nodes + 1) / (nodes + 1)), self.settings.rrt_step_m)
+
+    def _branch_over_cells(self, tree: SearchTree, ends: Ends) -> int:
+        """Add the shortest way over cells, in edges of at most a step, and return its last node: the goal."""
+        node = 0
+        for a, b in pairwise(shortened(CellGraph(self.grid).way(ends.start, ends.goal), self.grid, self.grid.radius_m)):
+            pieces = math.ceil(float(np.hypot(*(b - a))) / self.settings.rrt_step_m)
+            for xy in np.linspace(a, b, pieces + 1)[1:]:
+                node = tree.add(xy, node)
+        return node
 
     def _part_of(self, xy: FloatArray) -> FloatArray:
         """(N, 2) middles of the free cells that can be reached from a free place."""

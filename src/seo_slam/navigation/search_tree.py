@@ -5,14 +5,16 @@ import numpy as np
 from seo_slam.geometry import FloatArray
 from seo_slam.types import IntArray
 
+_ROOM = 256
+
 
 class SearchTree:
     """Nodes 0 (the root), 1, 2, …; a node's cost is always the sum of the edges from the root to it."""
 
-    def __init__(self, root_xy: FloatArray, most_nodes: int) -> None:
+    def __init__(self, root_xy: FloatArray) -> None:
         """Plant the root."""
-        self._xy: FloatArray = np.zeros((most_nodes, 2))
-        self._cost_m: FloatArray = np.zeros(most_nodes)
+        self._xy: FloatArray = np.zeros((_ROOM, 2))
+        self._cost_m: FloatArray = np.zeros(_ROOM)
         self._parent: list[int] = [-1]
         self._children: list[list[int]] = [[]]
         self._xy[0] = root_xy
@@ -43,6 +45,8 @@ class SearchTree:
     def add(self, xy: FloatArray, parent: int) -> int:
         """Add a node after another, and return it."""
         node = len(self)
+        if node == len(self._cost_m):  # full: room for twice as many
+            self._xy, self._cost_m = np.tile(self._xy, (2, 1)), np.tile(self._cost_m, 2)
         self._xy[node] = xy
         self._parent.append(parent)
         self._children.append([])

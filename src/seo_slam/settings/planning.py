@@ -49,4 +49,4 @@ class PlannerSettings(Settings):
     rrt_iterations: int = Field(600, ge=1, description="samples of RRT*; all are drawn, and the best way is returned")
     rrt_step_m: float = Field(0.4, gt=0, description="longest edge of its tree")
     rrt_goal_share: float = Field(0.1, ge=0, lt=1, description="of the samples that are the goal itself until it is reached")
-    rrt_around_m: float = Field(1.5, gt=0, description="first samples are at most so far from the straight line; later ones anywhere")
+    rrt_around_m: float = Field(1.5, gt=0, description="samples are at most so far from the straight line, while that helps")
