@@ -270,7 +270,7 @@ _DUALMAP: dict[str, Any] = {
     "clouds": {"enabled": True},
     "map": {"merge_duplicates": False},
     "status": {"enabled": True},
-    "layout": {"enabled": True},
+    "layout": {"enabled": True, "mode": "inline"},
 }
 """DualMap III: clouds matched by overlap and looks, checks of each object by itself, poses as given."""
 

@@ -9,6 +9,7 @@ from typing import Any, Self
 
 import numpy as np
 
+from seo_slam.abstraction_host import Abstraction, NoAbstraction
 from seo_slam.agent_host import AgentHost
 from seo_slam.agents.message_tally import MessageTally
 from seo_slam.association.label_likelihood import LabelLikelihood
@@ -122,6 +123,9 @@ class Pipeline:
         self._keeper = Keeper(self.parts, self._objects)
         self._agents = AgentHost(self.parts.agents, self.config, self._objects, self.parts.smoother, self.parts.embedder)
         self.clock = StageClock()
+        self._abstraction: Abstraction | NoAbstraction = NoAbstraction()
+        if self.config.layout.enabled:
+            self._abstraction = Abstraction(self.config, self.parts.embedder)
         self._measuring = Measuring(self.config, self.parts, self.clock)
         self._counts = _Counts()
         self._since_keyframe = MotionChain()
@@ -155,6 +159,7 @@ class Pipeline:
         self._closed = True
         try:
             self._agents.close()
+            self._abstraction.close()
         finally:
             self.parts.store.close()
 
@@ -258,12 +263,15 @@ class Pipeline:
         return self._first_keyframe_id + self._keyframes - 1
 
     def result(self) -> RunResult:
-        """Return the map and trajectory so far; can be asked for at any time."""
+        """Return the map and trajectory so far, the abstract map with it where a layout is kept; can be asked for at any time."""
         counts = self._counts
         poses = self.parts.smoother.poses() if self._path else np.zeros((0, 4, 4))
+        concrete = self.snapshot()
+        before = None if self._old_map is None else self._old_map.abstract
+        abstract = self._abstraction.abstract(concrete.landmarks, poses, before) if self._path else before
         all_poses = [poses[keyframe] @ T for _, keyframe, T in self._path]
         return RunResult(
-            map=self.snapshot(),
+            map=concrete.with_abstract(abstract),
             trajectory=Trajectory(
                 timestamps_s=np.array([stamp for stamp, _, _ in self._path], dtype=np.float64),
                 T_world_camera=np.array(all_poses, dtype=np.float64).reshape(len(all_poses), 4, 4),
@@ -321,8 +329,11 @@ class Pipeline:
             self._placed(frame, step)
         with clock.stage("map"):
             events = self._integrate(frame, observations[used], landmark_ids[used])
+        lost = motion is not None and motion.status == "lost"  # a guessed camera misses nothing, and shows nothing of the floor
+        if not lost:
+            with clock.stage("scene"):
+                warnings += self._abstraction.see(frame, self._estimate.T_world_camera, self._keyframes - 1)
         with clock.stage("life"):
-            lost = motion is not None and motion.status == "lost"  # a guessed camera misses nothing
             depth_m = np.zeros_like(frame.depth_m) if lost else frame.depth_m
             view = DepthView(frame.camera, depth_m, self._estimate.T_world_camera, frame.timestamp_s)
             events += self._life.step(view, _after_merges(landmark_ids[used], events), parts.smoother)

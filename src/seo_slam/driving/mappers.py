@@ -40,6 +40,7 @@ def dualmap(config: Config | str = "dualmap") -> MakeMapper:
         config: its settings, or the name of a preset.
     """
     settings = Config.preset(config) if isinstance(config, str) else config
+    settings = settings.with_settings(["layout.enabled=false"])  # ``map_home`` and the navigator have layouts of their own
 
     def make(filmed: Filmed, odometry: Odometry, embedder: Embedder) -> Mapper:
         segmenter = SimulatedSegmenter(filmed.detector_knobs, filmed.seed)

@@ -1,0 +1,70 @@
+"""The abstract map beside a pipeline: the scene cloud that grows while the robot drives, and the map made of it when it is asked for."""
+
+from collections.abc import Sequence
+
+from seo_slam.abstraction.abstract_map import AbstractMap
+from seo_slam.abstraction.abstracting import abstract
+from seo_slam.abstraction.scene_thread import SceneCloudThread
+from seo_slam.abstraction.updating import updated
+from seo_slam.config import Config
+from seo_slam.geometry import FloatArray
+from seo_slam.interfaces import Embedder
+from seo_slam.types import Frame, Landmark
+
+
+class NoAbstraction:
+    """No abstract map is wanted."""
+
+    def see(self, frame: Frame, T_world_camera: FloatArray, keyframe: int) -> tuple[str, ...]:  # noqa: ARG002
+        """Look at nothing."""
+        return ()
+
+    def abstract(
+        self,
+        landmarks: Sequence[Landmark],  # noqa: ARG002
+        poses: FloatArray,  # noqa: ARG002
+        before: AbstractMap | None = None,
+    ) -> AbstractMap | None:
+        """Return the one there was."""
+        return before
+
+    def close(self) -> None:
+        """Nothing is held."""
+
+
+class Abstraction:
+    """Feeds the scene cloud with keyframes (DualMap III-A4) and makes the abstract map of stable landmarks (IV-A)."""
+
+    def __init__(self, config: Config, embedder: Embedder) -> None:
+        """Take the settings; in the background, the scene cloud has a thread of its own."""
+        self._config = config
+        self._embedder = embedder
+        self._scene = SceneCloudThread(config.layout)
+
+    def see(self, frame: Frame, T_world_camera: FloatArray, keyframe: int) -> tuple[str, ...]:
+        """Take a keyframe if the camera has moved enough; return warnings. Waits for nothing in the background."""
+        self._scene.add(frame.depth_m, frame.camera, T_world_camera, keyframe)
+        return self._scene.take_warnings()
+
+    def abstract(self, landmarks: Sequence[Landmark], poses: FloatArray, before: AbstractMap | None = None) -> AbstractMap:
+        """Return the abstract map of landmarks and of all that was seen of the floor.
+
+        Args:
+            landmarks: stable ones.
+            poses: (T, 4, 4) of all keyframes as they are estimated now: the scene cloud moves with them.
+            before: that of a map which is continued; it is updated (IV-D).
+
+        Raises:
+            MissingBackendError: the extra ``nav`` is not installed.
+        """
+        from seo_slam.abstraction.rooms import with_rooms
+
+        layout = self._scene.layout(dict(enumerate(poses)))
+        plain = abstract(landmarks, self._embedder, self._config.abstraction, layout)
+        layout, rooms = with_rooms(layout, plain.anchors, self._embedder, self._config.layout)
+        made = AbstractMap(plain.anchors, layout, rooms, plain.embedder)
+        return made if before is None else updated(before, made, self._config.abstraction)
+
+    def close(self) -> None:
+        """End the thread."""
+        self._scene.close()
