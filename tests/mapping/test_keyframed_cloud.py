@@ -259,3 +259,21 @@ def test_what_is_beyond_the_noise_is_added():
     cloud.add(0, sheet, poses)
     assert len(cloud) == before + 1
     assert len(cloud.subset(np.arange(3)).merged(cloud, poses)) == len(cloud)
+
+
+def test_world_is_the_same_object_while_views_only_confirm_it():
+    rng = np.random.default_rng(8)
+    poses, p_world = some_poses(rng, 3), surface(rng, 2000)
+    cloud = cloud_of([(0, p_world)], poses)
+    first = cloud.world(poses)
+    cloud.add(1, transform_points(inverse(poses[1]), p_world), poses)
+    assert cloud.world(poses) is first
+    slid = first.p_world + np.array([0.0, 0.0, 0.9]) * (VOXEL_M * (np.floor(first.p_world / VOXEL_M) + 1) - first.p_world)
+    for _ in range(10):  # within their voxels, bit by bit
+        cloud.add(2, transform_points(inverse(poses[2]), slid), poses)
+    assert len(cloud) == len(first)
+    second = cloud.world(poses)
+    assert second is not first
+    np.testing.assert_allclose(second.p_world, cloud.points_world(poses), atol=VOXEL_M / 4 + ROUNDING_M)
+    cloud.add(2, transform_points(inverse(poses[2]), np.array([[5.0, 0, 0]])), poses)
+    assert len(cloud.world(poses)) == len(second) + 1

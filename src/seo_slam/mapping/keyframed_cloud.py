@@ -15,7 +15,7 @@ MOST_COUNTED = 50
 """A point weighs at most as so many views: what is seen later still counts a fiftieth, so that a cloud follows slow changes."""
 
 STALE_SHARE = 0.25
-"""A cloud is computed anew once a pose may have moved one of its points by more than this share of a voxel."""
+"""A cloud is given out again as it is until poses may have moved, or averages have moved, one of its points by this share of a voxel."""
 
 
 class KeyframedCloud:
@@ -44,6 +44,7 @@ class KeyframedCloud:
         self.p_keyframe: NDArray[np.float32] = np.zeros((0, 3), dtype=np.float32)
         self.count: NDArray[np.int32] = np.zeros(0, dtype=np.int32)
         self._placed: _Placed | None = None
+        self._shown: _Placed | None = None
 
     @classmethod
     def of(
@@ -112,7 +113,8 @@ class KeyframedCloud:
     def copy(self) -> Self:
         """Return one that changes by itself; arrays are shared until one of the two does."""
         out = type(self)(self.voxel_m, self.noise_at_1m_m)
-        out.keyframe, out.p_keyframe, out.count, out._placed = self.keyframe, self.p_keyframe, self.count, self._placed
+        out.keyframe, out.p_keyframe, out.count = self.keyframe, self.p_keyframe, self.count
+        out._placed, out._shown = self._placed, self._shown
         return out
 
     def points_world(self, poses: FloatArray) -> FloatArray:
@@ -122,55 +124,62 @@ class KeyframedCloud:
     def world(self, poses: FloatArray) -> Cloud:
         """Return the cloud in the world, at most one point a voxel.
 
-        The same object as long as neither points are added nor a pose of its keyframes has moved any of its points by more than
-        ``STALE_SHARE`` of a voxel since it was computed, so that its tree need not be built again.
+        The same object, so that its tree need not be built again, until there is a new point, or one has moved by more than
+        ``STALE_SHARE`` of a voxel: by the averages, or by the poses since it was computed.
         """
-        return self._placing(poses, STALE_SHARE * self.voxel_m).cloud
+        if self._shown is None or not self._shown.holds(poses, STALE_SHARE * self.voxel_m):
+            self._shown = self._placing(poses)
+        return self._shown.cloud
 
     def _tells_something(self, seen: "KeyframedCloud", poses: FloatArray) -> BoolArray:
         """Which points of a view are in voxels that hold some already, or farther from all points than noise would move them."""
-        mine, theirs = self._placing(poses, 0.0), seen._placing(poses, 0.0)
+        mine, theirs = self._placing(poses), seen._placing(poses)
         order, starts = cell_order(np.concatenate([mine.cells, theirs.cells]))
         alone = order[starts][np.diff(starts, append=len(order)) == 1] - len(self)
         alone = alone[alone >= 0]
         noise_m = self.noise_at_1m_m * seen.p_keyframe[alone, 2].astype(np.float64) ** 2
-        nearest_m, _ = mine.cloud.tree.query(theirs.p_world[alone], distance_upper_bound=float(noise_m.max(initial=0.0)))
+        nearest_m, _ = self.world(poses).tree.query(theirs.p_world[alone], distance_upper_bound=float(noise_m.max(initial=0.0)))
         out = np.ones(len(seen), dtype=np.bool_)
         out[alone[nearest_m < noise_m]] = False
         return out
 
-    def _placing(self, poses: FloatArray, tolerance_m: float) -> "_Placed":
-        if self._placed is None or not self._placed.holds(poses, tolerance_m):
+    def _placing(self, poses: FloatArray) -> "_Placed":
+        if self._placed is None or not self._placed.holds(poses, 0.0):
             self._placed = _Placed(self, _to_world(self.keyframe, self.p_keyframe, poses), None, poses)
         return self._placed
 
     def _take(self, other: "KeyframedCloud", poses: FloatArray) -> None:
-        mine, theirs = self._placing(poses, 0.0), other._placing(poses, 0.0)
+        mine, theirs = self._placing(poses), other._placing(poses)
         self.keyframe = np.concatenate([self.keyframe, other.keyframe])
         self.p_keyframe = np.concatenate([self.p_keyframe, other.p_keyframe])
         self.count = np.concatenate([self.count, other.count])
         p_world, cells = np.concatenate([mine.p_world, theirs.p_world]), np.concatenate([mine.cells, theirs.cells])
         self._fold(poses, p_world, cells)
+        if self._shown is not None and not self._shown.resembles(self._placing(poses), STALE_SHARE * self.voxel_m):
+            self._shown = None
 
     def _fold(self, poses: FloatArray, p_world: FloatArray | None = None, cells: IntArray | None = None) -> None:
         """Make one point of those in one voxel, in the frame of the oldest keyframe among them."""
         if p_world is None or cells is None:
             p_world = _to_world(self.keyframe, self.p_keyframe, poses)
             cells = voxel_cells(p_world, self.voxel_m)
-        oldest_first = np.argsort(self.keyframe, kind="stable")
-        order, starts = cell_order(cells[oldest_first])
-        order = oldest_first[order]
-        keeper = order[starts]
-        shared = np.diff(starts, append=len(order)) > 1
-        means = p_world[keeper]  # of one point: exactly as it is, so that nothing creeps
-        counts = self.count[keeper]
-        if shared.any():
-            means[shared] = voxel_means(p_world, order, starts, self.count.astype(np.float64))[shared]
-            counts = np.minimum(np.add.reduceat(self.count[order], starts), MOST_COUNTED).astype(np.int32)
-        keyframe, p_keyframe = self.keyframe[keeper], self.p_keyframe[keeper]
-        p_keyframe[shared] = _to_keyframe(keyframe[shared], means[shared], poses)
+        order, starts = cell_order(cells)
+        sizes = np.diff(starts, append=len(order))
+        keeper, shared = order[starts], sizes > 1
+        rows, ends = order[np.repeat(shared, sizes)], np.cumsum(sizes[shared])
+        begins = ends - sizes[shared]
+        if len(begins):
+            group = np.repeat(np.arange(len(begins)), sizes[shared])
+            keeper[shared] = rows[np.lexsort((self.keyframe[rows], group))[begins]]
+        # A point that is alone in its voxel stays exactly as it is, so that nothing creeps.
+        means, counts = np.take(p_world, keeper, axis=0), self.count[keeper]
+        keyframe, p_keyframe = self.keyframe[keeper], np.take(self.p_keyframe, keeper, axis=0)
+        if len(begins):
+            means[shared] = voxel_means(p_world, rows, begins, self.count.astype(np.float64))
+            counts[shared] = np.minimum(np.add.reduceat(self.count[rows], begins), MOST_COUNTED)
+            p_keyframe[shared] = _to_keyframe(keyframe[shared], means[shared], poses)
         self.keyframe, self.p_keyframe, self.count = keyframe, p_keyframe, counts
-        self._placed = _Placed(self, means, cells[keeper], poses)
+        self._placed = _Placed(self, means, np.take(cells, keeper, axis=0), poses)
 
 
 class _Placed:
@@ -183,10 +192,12 @@ class _Placed:
         if cells is None:
             p_world = voxel_means(p_world, *cell_order(self.cells), owner.count.astype(np.float64))
         self.cloud = Cloud(p_world)
-        self._keyframes, rows = np.unique(owner.keyframe, return_inverse=True)
+        reach_m = np.full(len(poses), -1.0)
+        x, y, z = (owner.p_keyframe[:, axis].astype(np.float64) for axis in range(3))
+        np.maximum.at(reach_m, owner.keyframe, np.sqrt(x * x + y * y + z * z))
+        self._keyframes = np.flatnonzero(reach_m >= 0.0)
         self._poses = np.array(poses[self._keyframes], dtype=np.float64)
-        self._reach_m = np.zeros(len(self._keyframes))
-        np.maximum.at(self._reach_m, rows, np.sqrt(np.einsum("ni,ni->n", owner.p_keyframe, owner.p_keyframe, dtype=np.float64)))
+        self._reach_m = reach_m[self._keyframes]
 
     def holds(self, poses: FloatArray, tolerance_m: float) -> bool:
         """Whether no point has moved by more than the tolerance (bounded from above: by shift, and turn times reach, of its keyframe)."""
@@ -194,6 +205,13 @@ class _Placed:
         turn = np.sqrt(np.einsum("nij,nij->n", change[:, :3, :3], change[:, :3, :3]))
         shift_m = np.sqrt(np.einsum("ni,ni->n", change[:, :3, 3], change[:, :3, 3]))
         return bool((shift_m + turn * self._reach_m <= tolerance_m).all())
+
+    def resembles(self, other: "_Placed", tolerance_m: float) -> bool:
+        """Whether its cloud has the points of the other's, none off by more than the tolerance. Both are in the order of their voxels."""
+        if len(self.cloud) != len(other.cloud):
+            return False
+        offset = self.cloud.p_world - other.cloud.p_world
+        return bool((np.einsum("ni,ni->n", offset, offset) <= tolerance_m**2).all())
 
 
 def _to_world(keyframe: NDArray[np.int32], p_keyframe: NDArray[np.float32], poses: FloatArray) -> FloatArray:
