@@ -57,8 +57,7 @@ def _heaviest_piece(inside: BoolArray) -> BoolArray:
     count, pieces = cv2.connectedComponents(closed, connectivity=8)
     height, width = inside.shape
     v, u = (np.arange(height) + 0.5) / height - 0.5, (np.arange(width) + 0.5) / width - 0.5
-    weight = np.where(
-        pieces > 0, np.exp(-8.0 * v**2)[:, None] * np.exp(-8.0 * u**2)[None, :], 0.0
-    )  # a quarter of the side wide, as in lifting
+    middle = np.exp(-8.0 * v**2)[:, None] * np.exp(-8.0 * u**2)[None, :]  # a quarter of the side wide, as in lifting
+    weight = np.where(pieces > 0, middle, 0.0)
     weights = np.bincount(pieces.ravel(), weights=weight.ravel(), minlength=count)
     return np.asarray(pieces == int(np.argmax(weights)))
