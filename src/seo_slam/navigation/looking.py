@@ -16,7 +16,7 @@ from seo_slam.types import BoolArray
 _FARTHEST_M = 2.4  # from a footprint, to look at it
 _NEAR_M, _FAR_M = 0.5, 1.7  # the distance to look from is between these
 _STEP_M = 0.15
-_EDGE_RAD = 0.05  # what is so near to the edge of the image does not count as in view
+_EDGE_RAD = 0.1  # what is so near to the edge of the image does not count as in view
 _APART_M = 0.4  # two places to look from
 _OTHER_SIDE_RAD = 0.7  # seen from the anchor, another view is at least so far round
 _PLACES = 6
@@ -57,6 +57,8 @@ class Eye:
         """Return the distance on the floor from which on something at a height comes into view."""
         over = self.z_m - z_m
         steepest = self.down_rad + _EDGE_RAD if over > 0 else self.up_rad - _EDGE_RAD
+        if over == 0.0:
+            return 0.0
         if over * steepest >= 0:  # it is on the side of the view that reaches beyond the horizon: seen from afar only, if at all
             return _FAR_M
         return float(abs(over) / np.tan(abs(steepest)))

@@ -45,7 +45,7 @@ class NavigationSettings(Settings):
     speed_m_s: float = Field(0.5, gt=0, description="fastest")
     turn_rad_s: float = Field(0.75, gt=0, description="fastest")
     look_ahead_m: float = Field(0.6, gt=0, description="the robot heads for the point of its path this far ahead")
-    reach_m: float = Field(0.08, gt=0, description="a waypoint is reached at this distance")
+    reach_m: float = Field(0.04, gt=0, description="a waypoint is reached at this distance")
     turned_rad: float = Field(0.06, gt=0, description="a heading is reached at this difference")
     escape_m: float = Field(1.0, ge=0, description="free floor this near to a robot that stands outside of it is gone to first")
     approach_m: float = Field(1.5, gt=0, description="the robot stops at most this far from the middle of the match")
