@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from seo_slam.abstraction.floor_height import floor_height_m
+from seo_slam.abstraction.floor_height import floor_height_m, floor_heights_m
 from seo_slam.abstraction.layout import layout_of, walls_of
 from seo_slam.abstraction.voxels import KnownVoxels, Voxels
+from seo_slam.geometry import exp, transform_points
 from seo_slam.settings.planning import LayoutSettings
 
 NO_WAY = np.zeros((0, 3))
@@ -57,6 +58,23 @@ def test_floor_and_obstacles_wherever_the_floor_is(z_floor, noise_m):
         assert not layout.obstacles[window].any()
     assert not (layout.floor & layout.obstacles).any()
     assert layout.walls[:, layout.cells(np.array([[0.02, 1.5]]))[0, 1]].mean() > 0.9
+
+
+@pytest.mark.parametrize("degrees", [-1.5, 1.0])
+def test_a_floor_that_leans_since_the_poses_drifted_is_still_floor(degrees):
+    """The bump of 3 cm and the noise stay below what a robot steps over, although one side of the room is 10 cm higher."""
+    leaning = transform_points(exp([0.0, np.radians(degrees), 0.0, 0.0, 0.0, 0.3]), room(noise_m=0.005))
+    layout = layout_of(Voxels.of(leaning, 0.05), NO_WAY, LayoutSettings())
+    for low, high in [((0, 0), (1, 3)), ((2, 0), (4, 1)), ((2, 2), (4, 3))]:
+        assert layout.floor[cells_of(layout, low, high)].all()
+        assert not layout.obstacles[cells_of(layout, low, high)].any()
+    assert layout.obstacles[cells_of(layout, (1, 1), (2, 2))].all()
+
+
+def test_a_ramp_is_no_lean_of_the_whole_floor():
+    ramp = transform_points(exp([0.0, np.radians(-8.0), 0.0, 0.0, 0.0, 0.0]), plane((2.0, 0.0), (4.0, 3.0), 0.28))
+    points = np.concatenate([plane((0, 0), (2, 3), 0.0), ramp])
+    assert np.abs(floor_heights_m(points, NO_WAY)).max() < 0.02
 
 
 def test_what_was_not_seen_is_no_floor():

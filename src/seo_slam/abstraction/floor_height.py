@@ -9,6 +9,9 @@ _AREA_CELL_M = 0.1
 _DOMINANT = 0.25  # of the area of the largest level: less is no floor, but noise below it or a hole in it
 _BELOW_EYES_M = 0.3
 _BAND_M = 0.04
+_BANDS_M = (0.15, 0.1, 0.06, _BAND_M)  # around the floor, as the fit of its slope gets better
+_LEAST_AREA_M2 = 3.0
+_STEEPEST = np.tan(np.radians(3.0))
 
 
 def floor_height_m(p_world: FloatArray, way_world: FloatArray) -> float:
@@ -36,3 +39,32 @@ def floor_height_m(p_world: FloatArray, way_world: FloatArray) -> float:
             break
         middle = float(np.median(p[near, 2]))
     return middle
+
+
+def floor_heights_m(p_world: FloatArray, way_world: FloatArray) -> FloatArray:
+    """Return the height (N,) of the floor under points (N, 3), N > 0: a plane that may lean a little, as poses that drift make it lean.
+
+    Half a degree is 9 cm on 10 m: more than what a robot steps over. Where too little floor was seen, or the fit leans by more than 3
+    degrees, the floor is level. ``way_world`` as of ``floor_height_m``.
+    """
+    level_m = floor_height_m(p_world, way_world)
+    level = np.full(len(p_world), level_m)
+    cells = _middles_near(p_world, level_m)
+    plane = np.array([0.0, 0.0, level_m])
+    ones = np.ones((len(cells), 1))
+    for band_m in _BANDS_M:
+        near = np.abs(cells[:, 2] - np.hstack([cells[:, :2], ones]) @ plane) <= band_m
+        if near.sum() * _AREA_CELL_M**2 < _LEAST_AREA_M2:
+            return level
+        plane = np.linalg.lstsq(np.hstack([cells[near, :2], ones[near]]), cells[near, 2], rcond=None)[0]
+    if np.hypot(plane[0], plane[1]) > _STEEPEST:
+        return level
+    return np.asarray(p_world[:, :2] @ plane[:2] + plane[2])
+
+
+def _middles_near(p_world: FloatArray, level_m: float) -> FloatArray:
+    """Mean (K, 3) of the points near the floor in each cell of the floor: all area counts alike, however often it was seen."""
+    p = p_world[np.abs(p_world[:, 2] - level_m) <= _BANDS_M[0]]
+    _, cell = np.unique(np.floor(p[:, :2] / _AREA_CELL_M).astype(np.int64), axis=0, return_inverse=True)
+    counts = np.bincount(cell.ravel())
+    return np.stack([np.bincount(cell.ravel(), p[:, axis]) for axis in range(3)], axis=1) / np.maximum(counts, 1)[:, None]

@@ -10,7 +10,7 @@ import numpy as np
 from scipy import ndimage
 
 from seo_slam.abstraction.abstract_map import Layout
-from seo_slam.abstraction.floor_height import floor_height_m
+from seo_slam.abstraction.floor_height import floor_heights_m
 from seo_slam.abstraction.voxels import Voxels
 from seo_slam.geometry import FloatArray
 from seo_slam.settings.planning import LayoutSettings
@@ -46,7 +46,7 @@ def layout_of(voxels: Voxels, way_world: FloatArray, settings: LayoutSettings) -
         nothing = np.zeros((1, 1), dtype=np.bool_)
         return Layout(np.zeros(2), settings.cell_m, nothing, nothing, nothing, np.zeros((1, 1), dtype=np.int16))
     raster = _raster(np.concatenate([voxels.p_world, way_world])[:, :2], len(voxels.p_world), settings)
-    above_m = voxels.p_world[:, 2] - floor_height_m(voxels.p_world, way_world)
+    above_m = voxels.p_world[:, 2] - floor_heights_m(voxels.p_world, way_world)
     on_floor = raster.counts(voxels.counts, np.abs(above_m) <= settings.step_over_m)
     standing = raster.counts(voxels.counts, (above_m > settings.step_over_m) & (above_m <= settings.robot_height_m))
     obstacles = _obstacles(standing, on_floor, settings)
