@@ -38,6 +38,7 @@ EVERY_NTH_FRAME = 3
 SIZE = (160, 120)
 LOCAL_M = 2.0
 STEP_M = 0.01
+MOST_CLEARANCE_M = 0.25  # farther is not told apart
 COMPARED = 100  # ways that are compared with the shortest over cells, which is slow
 
 _TOUCHING_M = 1e-6
@@ -59,23 +60,19 @@ class Truth:
     def __init__(self, free: FreeSpace) -> None:
         """Look at a true floor."""
         self._free = free
-        blocked = np.pad(free.occupied, 1, constant_values=True)
-        _, nearest = ndimage.distance_transform_edt(~blocked, return_indices=True)
-        self._nearest = nearest
-        self._blocked = blocked
+        self._reach = math.ceil(MOST_CLEARANCE_M / free.cell_m)
+        self._blocked = np.pad(free.occupied, self._reach + 1, constant_values=True)
 
     def clearance_m(self, xy_world: FloatArray) -> FloatArray:
-        """Return (N,) exact distances of points (N, 2) from the nearest occupied square among those around, up to half a metre."""
-        cell_m, corner = self._free.cell_m, self._free.corner_world - self._free.cell_m
-        reach = math.ceil(0.5 / cell_m)
-        blocked = np.pad(self._blocked, reach, constant_values=True)
-        at = (xy_world - corner) / cell_m
-        index = np.clip(np.floor(at).astype(int), 0, np.array(self._blocked.shape)[::-1] - 1)
-        out = np.full(len(xy_world), 0.5)
+        """Return (N,) exact distances of points (N, 2) from the nearest occupied square, at most ``MOST_CLEARANCE_M``."""
+        cell_m, reach = self._free.cell_m, self._reach
+        at = (xy_world - self._free.corner_world) / cell_m + reach + 1
+        index = np.clip(np.floor(at).astype(int), reach, np.array(self._blocked.shape)[::-1] - reach - 1)
+        out = np.full(len(xy_world), MOST_CLEARANCE_M)
         for down in range(-reach, reach + 1):
             for right in range(-reach, reach + 1):
-                there = blocked[index[:, 1] + down + reach, index[:, 0] + right + reach]
-                low = index[there] + [right, down]
+                there = self._blocked[index[:, 1] + down, index[:, 0] + right]
+                low = index[there] + np.array([right, down])
                 beside = np.maximum(np.maximum(low - at[there], at[there] - low - 1.0), 0.0)
                 out[there] = np.minimum(out[there], cell_m * np.hypot(beside[:, 0], beside[:, 1]))
         return out
