@@ -4,7 +4,7 @@ The paper's occupancy is a histogram of the points with a threshold at its 90th 
 must not bump into a stool we also keep where something stands between the floor and the robot's height, and where floor was seen.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import ndimage
@@ -52,10 +52,8 @@ def layout_of(voxels: Voxels, way_world: FloatArray, settings: LayoutSettings) -
     obstacles = _obstacles(standing, on_floor, settings)
     floor = _without_gaps(on_floor >= settings.floor_points, settings.floor_gap_cells)
     walls = _walls(raster, above_m, settings)
-    empty = np.zeros(raster.shape, dtype=np.int16)
-    layout = Layout(raster.corner_world, settings.cell_m, walls, obstacles, floor & ~obstacles, empty)
-    layout.floor[:] |= _walked(layout, way_world, settings) & ~obstacles
-    return layout
+    seen = Layout(raster.corner_world, settings.cell_m, walls, obstacles, floor, np.zeros(raster.shape, dtype=np.int16))
+    return replace(seen, floor=(floor | _walked(seen, way_world, settings)) & ~obstacles)
 
 
 def _obstacles(standing: FloatArray, on_floor: FloatArray, settings: LayoutSettings) -> BoolArray:
