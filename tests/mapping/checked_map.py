@@ -9,7 +9,7 @@ from seo_slam.config import MapSettings
 from seo_slam.mapping.object_map import ObjectMap
 from seo_slam.mapping.sight import DepthView
 from seo_slam.mapping.status_checks import StatusChecks
-from seo_slam.settings.concrete import OverlapSettings, StatusSettings
+from seo_slam.settings.concrete import StatusSettings
 from seo_slam.settings.observing import CloudSettings
 from seo_slam.testing.worlds import T_WORLD_FIRST, TINY_CAMERA, tiny_observations
 from seo_slam.types import Motion
@@ -22,7 +22,7 @@ class CheckedMap:
 
     def __init__(self, smoother=None, **settings):
         self.objects = ObjectMap(MapSettings(), embedding_size=8, clouds=CloudSettings(enabled=True))
-        self.checks = StatusChecks(StatusSettings(**settings), OverlapSettings(), self.objects)
+        self.checks = StatusChecks(StatusSettings(**settings), self.objects)
         self.smoother = smoother or GivenPosesSmoother()
         self.smoother.start(T_WORLD_FIRST, 1e-6 * np.eye(6))
         self.keyframes = 0

@@ -76,7 +76,7 @@ class ObjectMap:
             version=landmark.version,
             fixed_label=landmark.label if landmark.label and landmark.label != heaviest(landmark.labels) else None,
             fixed_category=landmark.category,
-            record=ObservationRecord.restored(landmark, self.clouds.voxel_m, T_first) if self.clouds.enabled else None,
+            record=ObservationRecord.restored(landmark, self.clouds, T_first) if self.clouds.enabled else None,
         )
         self.next_id = max(self.next_id, landmark.id + 1)
 
@@ -126,7 +126,7 @@ class ObjectMap:
     ) -> list[MapEvent]:
         before = thing.label
         if self.clouds.enabled:
-            thing.record = thing.record or ObservationRecord(self.clouds.voxel_m)
+            thing.record = thing.record or ObservationRecord(self.clouds)
             keyframe, cloud = len(self._poses) - 1, observations.clouds[row]
             thing.record.add(observations.labels[row], keyframe, observations.embeddings[row], cloud, self._poses)
         label, score = observations.labels[row], max(float(observations.scores[row]), LEAST_WEIGHT)

@@ -10,6 +10,7 @@ from seo_slam.geometry import FloatArray, inverse, transform_points
 from seo_slam.mapping.keyframed_cloud import KeyframedCloud
 from seo_slam.perception.cloud import Cloud
 from seo_slam.perception.voxels import cell_order, voxel_cells
+from seo_slam.settings.observing import CloudSettings
 from seo_slam.types import IntArray, Landmark
 
 NULL = ""
@@ -27,9 +28,9 @@ class ObservationRecord:
         keyframes: the number of the keyframe of each; ``RESTORED`` of those that a continued map knew of.
     """
 
-    def __init__(self, voxel_m: float) -> None:
-        """Start with no observation; clouds hold one point a cube of ``voxel_m``."""
-        self._voxel_m = voxel_m
+    def __init__(self, settings: CloudSettings) -> None:
+        """Start with no observation; the settings say how dense clouds are."""
+        self._settings = settings
         self.words: list[str] = []
         self.keyframes: list[int] = []
         self._clouds: dict[str, KeyframedCloud] = {}
@@ -38,15 +39,15 @@ class ObservationRecord:
         self._whole = Cloud(np.zeros((0, 3)))
 
     @classmethod
-    def restored(cls, landmark: Landmark, voxel_m: float, T_world_camera: FloatArray) -> Self:
+    def restored(cls, landmark: Landmark, settings: CloudSettings, T_world_camera: FloatArray) -> Self:
         """Take over a landmark of a map that is continued; its points are tied to the first keyframe, at ``T_world_camera``."""
-        record = cls(voxel_m)
+        record = cls(settings)
         named = [(word, round(share * landmark.observations)) for word, share in landmark.labels.items()]
         words = [word for word, times in named for _ in range(times)] or [NULL] * landmark.observations
         record.words, record.keyframes = words, [RESTORED] * len(words)
         if words:
             record._features[words[0]] = landmark.embedding * len(words)
-            record._clouds[words[0]] = KeyframedCloud(voxel_m)
+            record._clouds[words[0]] = record._empty()
             p_camera = transform_points(inverse(T_world_camera), landmark.cloud_world.astype(np.float64))
             record._clouds[words[0]].add(0, p_camera, T_world_camera[None])
         return record
@@ -68,7 +69,10 @@ class ObservationRecord:
         self.words.append(key)
         self.keyframes.append(keyframe)
         self._features[key] = self._features[key] + feature if key in self._features else feature.copy()
-        self._clouds.setdefault(key, KeyframedCloud(self._voxel_m)).add(keyframe, p_camera, poses)
+        self._clouds.setdefault(key, self._empty()).add(keyframe, p_camera, poses)
+
+    def _empty(self) -> KeyframedCloud:
+        return KeyframedCloud(self._settings.voxel_m, self._settings.noise_at_1m_m)
 
     def counts(self) -> Counter[str]:
         """How many observations each word has."""
@@ -108,7 +112,7 @@ class ObservationRecord:
         if len(parts) == 1:
             return parts[0]
         if len(parts) != len(self._parts) or any(new is not old for new, old in zip(parts, self._parts, strict=True)):
-            self._parts, self._whole = parts, Cloud(_one_a_voxel(parts, self._voxel_m))
+            self._parts, self._whole = parts, Cloud(_one_a_voxel(parts, self._settings.voxel_m))
         return self._whole
 
     def seen_at_once(self, window: int) -> dict[tuple[str, str], int]:
@@ -136,7 +140,7 @@ class ObservationRecord:
 
     def taken(self, words: Collection[str]) -> Self:
         """Move the observations of these words into a record of their own and return it."""
-        out = type(self)(self._voxel_m)
+        out = type(self)(self._settings)
         pairs = list(zip(self.words, self.keyframes, strict=True))
         out.words, out.keyframes = [w for w, _ in pairs if w in words], [k for w, k in pairs if w in words]
         self.words, self.keyframes = [w for w, _ in pairs if w not in words], [k for w, k in pairs if w not in words]

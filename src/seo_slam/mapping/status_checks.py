@@ -13,7 +13,7 @@ from seo_slam.mapping.sight import DepthView
 from seo_slam.mapping.thing import Thing
 from seo_slam.perception.cloud import Cloud
 from seo_slam.records import MapEvent
-from seo_slam.settings.concrete import OverlapSettings, StatusSettings
+from seo_slam.settings.concrete import StatusSettings
 from seo_slam.types import IntArray
 
 SOURCE = "status check"
@@ -22,10 +22,9 @@ SOURCE = "status check"
 class StatusChecks:
     """Decides about a landmark from the distribution of the words in its observation list alone."""
 
-    def __init__(self, settings: StatusSettings, overlap: OverlapSettings, object_map: ObjectMap) -> None:
+    def __init__(self, settings: StatusSettings, object_map: ObjectMap) -> None:
         """Watch over the things of ``object_map``, which must keep clouds."""
         self._settings = settings
-        self._overlap = overlap
         self._map = object_map
         self._keyframe = -1
         self._last_seen: dict[int, int] = {}
@@ -112,7 +111,7 @@ class StatusChecks:
     def _is_nearer(self, thing: Thing, word: str, goes: str, stays: str) -> bool:
         """Whether the points of a word (or of no word) overlap more with one side of a split than with the other."""
         clouds = self._map.clouds_of_words(thing)
-        shares = overlap_shares([clouds[word].p_world], [clouds[goes], clouds[stays]], self._overlap.distance_m)[0]
+        shares = overlap_shares([clouds[word].p_world], [clouds[goes], clouds[stays]], self._settings.merge_distance_m)[0]
         return bool(shares[0] > shares[1])
 
     def _fold_doubles(self, seen: Sequence[int], smoother: Smoother) -> list[MapEvent]:
@@ -160,7 +159,7 @@ class StatusChecks:
         if not clouds:
             return []
         points: list[FloatArray] = [cloud.p_world for cloud in clouds]
-        share = overlap_shares(points, clouds, self._overlap.distance_m)
+        share = overlap_shares(points, clouds, self._settings.merge_distance_m)
         either = np.triu(np.maximum(share, share.T), k=1) > self._settings.merge_overlap
         return [(int(a), int(b)) for a, b in zip(*np.nonzero(either), strict=True)]
 

@@ -45,4 +45,7 @@ class StatusSettings(Settings):
     fold_cosine: float = Field(0.85, ge=-1, le=1, description="features from which two look the same")
     merge: bool = Field(False, description="also fold landmarks whose clouds overlap (what the paper avoids)")
     merge_overlap: float = Field(0.9, gt=0, le=1, description="share of the smaller cloud from which two are one")
+    merge_distance_m: float = Field(
+        0.04, gt=0, description="points this near overlap, for that and for what goes with which side of a split"
+    )
     merge_every: int = Field(20, ge=1, description="keyframes between two such passes")
