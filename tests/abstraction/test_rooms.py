@@ -83,6 +83,12 @@ def test_a_second_room_of_a_kind_has_a_number_and_much_furniture_outvotes_one_pi
     assert [room.name for room in rooms] == ["bedroom", "bedroom 2", "living room"]
 
 
+def test_an_open_kitchen_is_named_after_both():
+    anchors = [anchor(1, "sofa", LEFT), anchor(2, "refrigerator", np.subtract(LEFT, 1.0)), anchor(3, "bookcase", np.subtract(LEFT, 0.5))]
+    _, rooms = with_rooms(flat(), anchors, EMBEDDER, SETTINGS)
+    assert rooms[0].name == "kitchen and living room"
+
+
 def test_without_anchors_rooms_are_counted():
     _, rooms = with_rooms(flat(), [], EMBEDDER, SETTINGS)
     assert [room.name for room in rooms] == ["room 1", "room 2", "room 3"]

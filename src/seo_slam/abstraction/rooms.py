@@ -23,6 +23,8 @@ except ModuleNotFoundError as error:
 
 _EIGHT = np.ones((3, 3), dtype=np.bool_)
 _NEAR_M = 0.3
+_ALSO = 0.5  # of the votes for the first kind: then a room is of a second kind as well
+_MOST_KINDS = 3
 
 
 def with_rooms(layout: Layout, anchors: Sequence[Anchor], embedder: Embedder, settings: LayoutSettings) -> tuple[Layout, tuple[Room, ...]]:
@@ -113,13 +115,23 @@ class RoomFinder:
 def _names(layout: Layout, cells: NDArray[np.int16], anchors: Sequence[Anchor], embedder: Embedder, settings: LayoutSettings) -> list[str]:
     """A name for each room; the second of a kind has a number."""
     finder = RoomFinder(replace(layout, rooms=cells))
-    votes: list[Counter[str]] = [Counter() for _ in range(int(cells.max(initial=0)) + 1)]
+    votes: list[dict[str, float]] = [{} for _ in range(int(cells.max(initial=0)) + 1)]
     for anchor, vote in zip(anchors, room_votes([anchor.feature for anchor in anchors], embedder, settings.name_similarity), strict=True):
-        votes[finder.room_of(anchor.footprint_world)].update(vote)
-    kinds = [max(vote, key=lambda word: (vote[word], word)) if vote else "" for vote in votes[1:]]
+        there = votes[finder.room_of(anchor.footprint_world)]
+        there.update({kind: there.get(kind, 0.0) + weight for kind, weight in vote.items()})
+    kinds = [_kind(vote) for vote in votes[1:]]
     used: Counter[str] = Counter()
     names = []
     for k, kind in enumerate(kinds):
         used[kind] += 1
         names.append(f"room {k + 1}" if not kind else kind if used[kind] == 1 else f"{kind} {used[kind]}")
     return names
+
+
+def _kind(vote: dict[str, float]) -> str:
+    """What a room is; where two or three kinds of furniture are about as many, it is all of them: "kitchen and living room"."""
+    if not vote:
+        return ""
+    order = sorted(vote, key=lambda word: (-vote[word], word))
+    much = [word for word in order[:_MOST_KINDS] if vote[word] >= _ALSO * vote[order[0]]]
+    return " and ".join(filter(None, [", ".join(much[:-1]), much[-1]]))
