@@ -11,6 +11,7 @@ from seo_slam.errors import ConfigError, MapError, NoPathError, OptimizationErro
 from seo_slam.navigation.global_planner import VoronoiPlanner
 from seo_slam.navigation.grid import NavigationGrid
 from seo_slam.navigation.navigator import Navigator
+from seo_slam.navigation.search import NOWHERE
 from seo_slam.settings.navigation import NavigationSettings
 
 TABLE, COUNTER, DESK, SHELF = 1, 2, 3, 4
@@ -124,6 +125,25 @@ def test_without_opportunism_the_updated_map_leads_to_it():
     assert outcome.attempts[1].candidate.volatile
 
 
+def test_what_was_only_glimpsed_on_an_anchor_makes_it_the_next_candidate():
+    home = Home(mapped=DESK, now=TABLE, start=(1.0, 2.0), clear_observations=500, update_observations=500)
+    outcome = home.search()
+    assert outcome.found
+    assert gone_to(outcome) == [DESK, TABLE]
+    assert outcome.attempts[1].candidate.because == "mug"
+
+
+@pytest.mark.parametrize(("word", "found"), [("mug", True), ("book", False)])
+def test_what_was_only_glimpsed_on_no_anchor_is_looked_at_from_near(word, found):
+    stray = Thing(40, "mug", (3.2, 4.3, 0.5), (0.1, 0.1, 0.1))
+    says = {40: lambda away_m: "mug" if away_m > 2.1 else word}
+    home = Home(mapped=DESK, now=None, more=[stray], says=says, start=(1.0, 2.0), clear_range_m=1.8)
+    outcome = home.search()
+    assert outcome.found == found
+    assert any("look closer at a mug" in line for line in home.navigator.log)
+    assert gone_to(outcome)[:2] == [DESK, NOWHERE]
+
+
 def test_what_is_nowhere_is_not_found_and_the_best_is_named():
     home = Home(now=None, attempts=4, more=[resting(20, "lamp", furniture()[2])])
     outcome = home.search()
@@ -195,7 +215,7 @@ def test_what_is_behind_a_closed_door_is_passed_over():
 
 
 def test_a_robot_that_does_not_get_ahead_finds_the_ways_blocked():
-    home = Home(look_first=False, stuck_frames=5, replans=1)
+    home = Home(look_first=False, stuck_frames=5, replans=1, start=(3.3, 2.5))
     home.robot.stuck = True
     outcome = home.search()
     assert outcome.ending == "no_path"
@@ -331,8 +351,8 @@ def test_commands_are_within_the_limits_and_on_the_free_floor():
         assert abs(command.turn_rad_s) <= 0.5
         if command.kind == "go":
             going += 1
-            assert grid.is_free(command.xy_world[None])[0]
-            assert grid.is_free(home.robot.xy[None])[0]
+            assert grid.nearest_free(command.xy_world, 0.06) is not None
+            assert grid.nearest_free(home.robot.xy, 0.06) is not None
         home.robot.drive(command)
     assert going > 20
 

@@ -9,6 +9,7 @@ from seo_slam.navigation.outcomes import Candidate
 from seo_slam.navigation.query import Query, room_at, room_ids
 from seo_slam.navigation.senses import Senses
 from seo_slam.settings.navigation import NavigationSettings
+from seo_slam.types import Landmark
 
 _BESIDE_M = 0.1  # a footprint's edge is not known better
 _NEXT_TO_M = 0.5  # what stood next to an anchor is looked for beside it
@@ -22,7 +23,8 @@ class Judge:
     less the margin; the first candidate's score stays the measure through all attempts (the paper), so that a search does not
     settle for less and less. Nothing below ``least_score`` is a match.
 
-    A match elsewhere is clear if it scores so too, was seen more often and from near, and is in the room that was named, if one was. The
+    A match elsewhere is clear if it scores so too and at least ``clear_score``, has a word, was seen more often and from near, and is in
+    the room that was named, if one was. The
     thing is likeliest where the map has it, and a look-alike met on the way is not: so by default clear matches count only after
     the first candidate has turned out wrong.
 
@@ -42,24 +44,32 @@ class Judge:
 
     def best_at(self, anchor: Anchor, candidate: Candidate | None = None) -> Match | None:
         """Return what is most like the query at an anchor, confident or not; None if nothing was seen there."""
-        beside_m = _NEXT_TO_M if candidate is not None and stood_beside(anchor, candidate) else _BESIDE_M
-        at = [row for row in self._senses.landmarks if is_at(row, anchor, self._settings.box_growth, beside_m)]
+        at = [row for row in self._senses.landmarks if self._is_at(row, anchor, candidate)]
         rows = ranked([row for row in at if row.id not in self.rejected], self._feature)
         often = [row for row in rows if self._senses.observations(row.landmark) >= self._settings.local_observations]
         return next(iter(often or rows), None)
 
     def confident_at(self, anchor: Anchor, candidate: Candidate | None = None) -> Match | None:
         """Return the confident match at an anchor, if there is one."""
-        best = self.best_at(anchor, candidate)
-        return best if best is not None and self._holds(best, self._settings.local_observations) else None
+        for row in ranked([row for row in self._senses.landmarks if row.id not in self.rejected], self._feature):
+            if row.score < self.required:
+                break
+            if self._holds(row, self._settings.local_observations) and self._is_at(row.landmark, anchor, candidate):
+                return row
+        return None
 
     def clear(self, abstract_map: AbstractMap) -> Match | None:
         """Return the best clear match anywhere, if there is one."""
         for row in ranked([row for row in self._senses.landmarks if row.id not in self.rejected], self._feature):
             near = self._senses.nearest_m(row.landmark) <= self._settings.clear_range_m
-            if near and self._holds(row, self._settings.clear_observations) and self._in_room(row, abstract_map):
+            if near and self._holds(row, self._settings.clear_observations) and self._is_wanted(row, abstract_map):
                 return row
         return None
+
+    def glimpse(self, abstract_map: AbstractMap) -> Match | None:
+        """Return what would be a clear match, had it been seen more often, or from nearer; if there is one."""
+        rows = ranked([row for row in self._senses.landmarks if row.id not in self.rejected], self._feature)
+        return next((row for row in rows if self._holds(row, 1) and self._is_wanted(row, abstract_map)), None)
 
     def best(self) -> Match | None:
         """Return what is most like the query of all that was seen."""
@@ -77,10 +87,17 @@ class Judge:
         here = here or [row for row in rows if np.linalg.norm(center_of(row.landmark) - place) <= _SAME_THING_M]
         return next((row for row in here if row.score >= least), None)
 
+    def _is_at(self, landmark: Landmark, anchor: Anchor, candidate: Candidate | None) -> bool:
+        beside_m = _NEXT_TO_M if candidate is not None and stood_beside(anchor, candidate) else _BESIDE_M
+        return is_at(landmark, anchor, self._settings.box_growth, beside_m)
+
     def _holds(self, match: Match, observations: int) -> bool:
         return match.score >= self.required and self._senses.observations(match.landmark) >= observations
 
-    def _in_room(self, match: Match, abstract_map: AbstractMap) -> bool:
+    def _is_wanted(self, match: Match, abstract_map: AbstractMap) -> bool:
+        """Whether something elsewhere than at a candidate is named and scores well enough, and is in the room that was named."""
+        if match.score < self._settings.clear_score or not match.landmark.label:
+            return False
         if self._query.room is None or abstract_map.layout is None:
             return True
         xy = center_of(match.landmark)[:2]

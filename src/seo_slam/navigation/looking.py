@@ -223,7 +223,7 @@ def _walls_m(xy_world: FloatArray, target_xy: FloatArray, layout: Layout, but: t
 
 def _free_around(low: FloatArray, high: FloatArray, step_m: float, grid: Grid) -> FloatArray:
     """(N, 2) free points of a lattice over a box; the lattice is that of the world, so that the same places come up again."""
-    ticks = [np.arange(np.ceil(a / step_m), np.floor(b / step_m) + 1) * step_m for a, b in zip(low, high, strict=True)]
+    ticks = [(np.arange(np.floor(a / step_m), np.floor(b / step_m) + 1) + 0.5) * step_m for a, b in zip(low, high, strict=True)]
     xy = np.stack(np.meshgrid(*ticks, indexing="ij"), axis=-1).reshape(-1, 2)
     return xy[grid.is_free(xy)] if len(xy) else xy
 

@@ -76,6 +76,8 @@ class Search:
             clear = self._clear()
             if clear is not None:
                 yield from self._go_to(clear)
+            elif self._places_gone_to < self._settings.attempts and (glimpse := self._glimpse()) is not None:
+                yield from self._follow_up(glimpse)
             elif self._places_gone_to < self._settings.attempts and (candidate := self._selection.next()) is not None:
                 yield from self._try(candidate)
             else:
@@ -167,6 +169,35 @@ class Search:
         reached, reason = yield from self._approach(match)
         self._note(candidate, reached, match, reason, self.moves.path_world)
 
+    def _follow_up(self, match: Match) -> Generator[Command, None, None]:
+        """Go to what was glimpsed: as a candidate if it is on an anchor that was not tried, else by itself."""
+        candidate = self._place_of(match)
+        if candidate.anchor_id == NOWHERE or candidate.anchor_id in self._memory.tried_ids:
+            yield from self._look_closer(match)
+            return
+        before = len(self.attempts)
+        yield from self._try(candidate)
+        if self.found is None and self.attempts[before].reached:
+            self._judge.rejected.add(match.landmark.id)
+
+    def _look_closer(self, match: Match) -> Generator[Command, None, None]:
+        """Go where something is seen well that was too seldom seen, or from too far off, to be a match."""
+        candidate = self._place_of(match)
+        self._log(f"to look closer at a {match.label} ({match.score:.2f})")
+        try:
+            path = self._ways.to_see(_as_anchor(match), self._senses.eye, self._senses.stance.xy_world)
+        except NoPathError as error:
+            self._judge.rejected.add(match.landmark.id)
+            self._note(candidate, False, match, f"no path to the {match.label}: {error}")
+            return
+        walked = yield from self.moves.walk(path, lambda: self._clear() is not None)
+        if walked == "there":
+            heading = heading_to(center_of(match.landmark)[:2], self._senses.stance.xy_world)
+            yield from self.moves.look([heading], lambda: self._clear() is not None)
+        if self._clear() is None:
+            self._judge.rejected.add(match.landmark.id)
+            self._note(candidate, walked == "there", match, f"the {match.label} was not seen well enough, or not again", path)
+
     def _approach(self, match: Match) -> Generator[Command, None, tuple[bool, str]]:
         """Go right before a match and face it; it is ``found`` if it still is one then. Returns whether it was come to, and what it was."""
         self._judge.rejected.add(match.landmark.id)
@@ -203,6 +234,11 @@ class Search:
         taken = settings.opportunistic == "always" or (settings.opportunistic == "after_first" and self._places_gone_to > 0)
         return self._judge.clear(self._memory.map) if taken and settings.strategy == "updated" else None
 
+    def _glimpse(self) -> Match | None:
+        """Something worth a closer look, once the first candidate was gone to."""
+        taken = self._settings.opportunistic != "never" and self._settings.strategy == "updated" and self._places_gone_to > 0
+        return self._judge.glimpse(self._memory.map) if taken else None
+
     @property
     def _places_gone_to(self) -> int:
         return sum(attempt.reached for attempt in self.attempts)
@@ -230,3 +266,11 @@ class Search:
         seen = "nothing was seen" if best is None else f"the best seen is a {best.label} ({best.score:.2f})"
         used = "attempts are used up" if self._places_gone_to >= self._settings.attempts else "there is no other candidate"
         return "not_found", f"no {self._query.words} was found at {self._places_gone_to} places, and {used}; {seen}"
+
+
+def _as_anchor(match: Match) -> Anchor:
+    """A match as something to look at."""
+    landmark = match.landmark
+    cloud = landmark.cloud_world if len(landmark.cloud_world) else landmark.position_m[None]
+    z_range = (float(cloud[:, 2].min()), float(cloud[:, 2].max()))
+    return Anchor(NOWHERE, match.label, landmark.embedding, cloud[:, :2], len(cloud), z_range, float(landmark.position_m[2]))

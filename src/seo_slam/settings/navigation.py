@@ -32,6 +32,7 @@ class NavigationSettings(Settings):
         "after_first", description="whether a clear match elsewhere than at the candidate ends the search; only with strategy 'updated'"
     )
     clear_observations: int = Field(4, ge=1, description="observations of this search that a clear match elsewhere needs")
+    clear_score: float = Field(0.7, ge=-1, le=1, description="and the score that it needs, beside that of any match")
     clear_range_m: float = Field(3.5, gt=0, description="and from how near it must have been seen")
     look_first: bool = Field(True, description="look at the furniture around before setting out")
     views: int = Field(2, ge=1, le=4, description="places from which an anchor is looked at before it is given up")
