@@ -129,6 +129,7 @@ def recording_of(job: SegmentationJob) -> SimulatedRecording:
     if job.room in HOMES:
         home = SimulatedHouse if job.room == "house" else SimulatedApartment
         return home(job.seed, job.level, job.meshes, job.frames, width, height, **options)
+    options["tables_are_things"] = True  # every piece of furniture is an instance, as in scanned rooms
     return SimulatedRoom(job.room, job.seed, job.level, job.meshes, job.frames or 200, width, height, **options)
 
 

@@ -117,7 +117,7 @@ class Pipeline:
         self._objects = ObjectMap(self.config.map, self.parts.embedder.size, next_id, self.config.clouds)
         self._life: LifeCycle | SightingsOnly | StatusChecks = SightingsOnly(self._objects)
         if self.config.status.enabled:
-            self._life = StatusChecks(self.config.status, self._objects)
+            self._life = StatusChecks(self.config.status, self._objects, self.parts.embedder)
         elif self.config.life.enabled:
             self._life = LifeCycle(self.config.life, self.config.lifting, self._objects, self._likelihood)
         self._keeper = Keeper(self.parts, self._objects)

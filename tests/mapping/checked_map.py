@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from seo_slam.backends.given_poses_smoother import GivenPosesSmoother
+from seo_slam.backends.hashed_embedder import HashedEmbedder
 from seo_slam.config import MapSettings
 from seo_slam.mapping.object_map import ObjectMap
 from seo_slam.mapping.sight import DepthView
@@ -20,18 +21,20 @@ AT = np.array([1.2, 0.2, 0.8])
 class CheckedMap:
     """``see`` takes one keyframe's observations: (landmark id or None for a new one, place, word or None), an id as often as one likes."""
 
-    def __init__(self, smoother=None, **settings):
-        self.objects = ObjectMap(MapSettings(), embedding_size=8, clouds=CloudSettings(enabled=True))
-        self.checks = StatusChecks(StatusSettings(**settings), self.objects)
+    def __init__(self, smoother=None, named_share=1 / 3, **settings):
+        self.objects = ObjectMap(MapSettings(), embedding_size=8, clouds=CloudSettings(enabled=True, named_share=named_share))
+        self.checks = StatusChecks(StatusSettings(**settings), self.objects, HashedEmbedder(size=8))
         self.smoother = smoother or GivenPosesSmoother()
         self.smoother.start(T_WORLD_FIRST, 1e-6 * np.eye(6))
         self.keyframes = 0
 
-    def see(self, *seen, period_s=0.5, half_m=0.05):
+    def see(self, *seen, period_s=0.5, half_m=0.05, feature=None):
         """One keyframe; return [(kind, id), …] of what happened; new and renamed ones are not told."""
         made = tiny_observations(np.array([p for _, p, _ in seen]).reshape(-1, 3), tuple(word for _, _, word in seen))
         points = half_m * np.random.default_rng(3).uniform(-1, 1, (300, 3))
         made = replace(made, clouds=tuple(p + points for p in made.p_camera))
+        if feature is not None:
+            made = replace(made, embeddings=np.tile(feature, (len(made), 1)))
         ids = np.array([int(self.objects.new_ids(1)[0]) if i is None else i for i, _, _ in seen], dtype=np.int64)
         self.smoother.update(Motion(np.eye(4), 1e-6 * np.eye(6)) if self.keyframes else None, made, ids)
         stamp_s = period_s * self.keyframes

@@ -5,6 +5,7 @@ import pytest
 from checked_map import AT, CheckedMap
 
 from seo_slam.backends.gtsam_smoother import GtsamSmoother
+from seo_slam.backends.hashed_embedder import HashedEmbedder
 from seo_slam.errors import MapError
 
 ASIDE = AT + np.array([0.0, 0.12, 0.0])
@@ -37,12 +38,33 @@ def test_two_thirds_must_be_one_word():
 
 
 def test_observations_without_a_class_abstain_or_count_as_one_as_in_the_paper():
-    for null_votes, stable in ((False, True), (True, False)):
-        world = CheckedMap(observations=6, null_votes=null_votes)
+    for named_share, stable in ((1 / 3, True), (1.0, False)):
+        world = CheckedMap(observations=6, named_share=named_share)
         world.see((None, AT, "cup"))
         happened = watched(world, 1, (0, AT, None)) + watched(world, 1, (0, AT, "cup"))
         happened += watched(world, 1, (0, AT, None)) + watched(world, 1, (0, AT, "cup")) + watched(world, 1, (0, AT, None))
         assert (("stable", 0) in happened) == stable
+
+
+def test_a_stray_word_names_nothing():
+    world = CheckedMap(observations=6, background=())
+    world.see((None, AT, "bowl"))
+    watched(world, 6, (0, AT, None))
+    assert (world.row(0).label, dict(world.row(0).labels), world.row(0).state) == ("", {}, "stable")
+    watched(world, 4, (0, AT, "bowl"))
+    assert world.row(0).label == "bowl"
+
+
+def test_what_has_no_word_and_looks_like_a_wall_is_dropped():
+    words = HashedEmbedder(size=8)
+    world = CheckedMap(observations=3, split=False)
+    world.see((None, ELSEWHERE, "cup"))
+    wall = words.embed_text(["wall"])[0]
+    happened = [event for _ in range(3) for event in world.see((1 if 1 in world.ids() else None, AT, None), feature=wall)]
+    assert happened == [("removed", 1)]
+    assert 1 not in world.smoother.positions()[0]
+    cup = words.embed_text(["cup"])[0]
+    assert [event for _ in range(3) for event in world.see((2 if 2 in world.ids() else None, AT, None), feature=cup)] == [("stable", 2)]
 
 
 def test_two_names_of_one_look_count_together():
@@ -53,7 +75,7 @@ def test_two_names_of_one_look_count_together():
 
 
 def test_what_never_has_a_word_is_a_thing_too():
-    world = CheckedMap(observations=6)
+    world = CheckedMap(observations=6, background=())
     world.see((None, AT, None))
     assert watched(world, 5, (0, AT, None)) == [("stable", 0)]
     assert world.row(0).label == ""

@@ -272,3 +272,14 @@ def test_rooms_of_meshes(shared: Path, room: str, seed: int) -> None:
     assert_copies_together(untouched(planned))
     for thing in start.things:
         assert not {"toy", "box", "tool", "figure", "fruit", "ball"} & {thing.label, *thing.accepted_labels}
+
+
+def test_tables_can_be_things_of_their_own():
+    plain, named = SimulatedRoom("SM1", 0, frames=2, changes=False), SimulatedRoom("SM1", 0, frames=2, changes=False, tables_are_things=True)
+    known = {thing.id for thing in plain.scene.start.things}
+    tables = [thing for thing in named.scene.start.things if thing.id not in known]
+    assert tables
+    assert {thing.kind for thing in tables} == {"anchor"}
+    assert len(named.scene.start.structure) + len(tables) == len(plain.scene.start.structure)
+    assert {thing.label for thing in named.scene.start.structure} == {"room", "floor"}
+    assert named.name != plain.name

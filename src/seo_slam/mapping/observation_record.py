@@ -78,22 +78,33 @@ class ObservationRecord:
         """How many observations each word has."""
         return Counter(self.words)
 
-    def majority(self, alike_cosine: float = 1.0, null_votes: bool = True) -> float:
+    def majority(self, alike_cosine: float = 1.0) -> float:
         """Share of the observations that go by the most frequent word, or by one that is like it.
+
+        Observations without a class are a class of their own, or abstain where enough others have one: ``CloudSettings.named_share``.
 
         Args:
             alike_cosine: features from which two words are taken for two names of one thing; 1: only the same word counts.
-            null_votes: observations without a class count as a class of their own; else they abstain, unless there are no others.
         """
         counts = self.counts()
-        if not null_votes and len(counts) > 1:
-            del counts[NULL]
-        if not counts:
-            return 0.0
-        top = max(counts, key=lambda word: (counts[word], word))
-        others = set() if alike_cosine >= 1.0 or top == NULL else counts.keys() - {top, NULL}
+        if self.is_nameless or not counts:
+            return counts[NULL] / max(len(self.words), 1)
+        if self._named_share() >= self._settings.named_share:
+            counts.pop(NULL, None)
+        top = max(counts, key=lambda word: (word != NULL, counts[word], word))
+        others = set() if alike_cosine >= 1.0 else counts.keys() - {top, NULL}
         alike = {word for word in others if self._cosine(word, top) >= alike_cosine}
         return sum(counts[word] for word in alike | {top}) / sum(counts.values())
+
+    @property
+    def is_nameless(self) -> bool:
+        """Whether it was mostly seen as nothing that has a word; a stray word or two is no name then."""
+        named = [times for word, times in self.counts().items() if word != NULL]
+        unnamed = len(self.words) - sum(named)
+        return unnamed > max(named, default=0) and self._named_share() < self._settings.named_share
+
+    def _named_share(self) -> float:
+        return sum(word != NULL for word in self.words) / max(len(self.words), 1)
 
     def _cosine(self, word: str, other: str) -> float:
         """Of what was seen under two words."""

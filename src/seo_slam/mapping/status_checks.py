@@ -6,7 +6,7 @@ import numpy as np
 
 from seo_slam.association.overlap import overlap_shares
 from seo_slam.geometry import FloatArray
-from seo_slam.interfaces import Smoother
+from seo_slam.interfaces import Embedder, Smoother
 from seo_slam.mapping.edits import merge_landmarks
 from seo_slam.mapping.object_map import ObjectMap
 from seo_slam.mapping.sight import DepthView
@@ -22,9 +22,10 @@ SOURCE = "status check"
 class StatusChecks:
     """Decides about a landmark from the distribution of the words in its observation list alone."""
 
-    def __init__(self, settings: StatusSettings, object_map: ObjectMap) -> None:
-        """Watch over the things of ``object_map``, which must keep clouds."""
+    def __init__(self, settings: StatusSettings, object_map: ObjectMap, embedder: Embedder) -> None:
+        """Watch over the things of ``object_map``, which must keep clouds; ``embedder`` knows what background looks like."""
         self._settings = settings
+        self._embedder = embedder
         self._map = object_map
         self._keyframe = -1
         self._last_seen: dict[int, int] = {}
@@ -47,9 +48,9 @@ class StatusChecks:
         events: list[MapEvent] = []
         if self._settings.split:
             events += [event for landmark_id in seen for event in self._split(self._map[landmark_id], smoother)]
-        events += [event for landmark_id in seen for event in self._becomes_stable(self._map[landmark_id])]
+        events += [event for landmark_id in seen for event in self._becomes_stable(self._map[landmark_id], smoother)]
         if self._settings.fold:
-            events += self._fold_doubles(seen, smoother)
+            events += self._fold_doubles([i for i in seen if i in self._map], smoother)
         events += self._check_silent(view.timestamp_s, smoother)
         if self._settings.merge and self._keyframe % self._settings.merge_every == 0:
             events += self._merge_overlapping(smoother)
@@ -60,14 +61,32 @@ class StatusChecks:
         record, settings = thing.record, self._settings
         if record is None or len(record) < settings.observations:
             return False
-        return record.majority(settings.alike_cosine, settings.null_votes) >= settings.majority - 1e-9
+        return record.majority(settings.alike_cosine) >= settings.majority - 1e-9
 
-    def _becomes_stable(self, thing: Thing) -> list[MapEvent]:
+    def _becomes_stable(self, thing: Thing, smoother: Smoother) -> list[MapEvent]:
         if thing.state == "stable" or not self.passes(thing):
             return []
+        if self._is_background(thing):
+            return [self._remove(thing, smoother)]
         thing.state, thing.existence = "stable", 1.0
         thing.version += 1
         return [MapEvent("stable", thing.id, thing.label)]
+
+    def _is_background(self, thing: Thing) -> bool:
+        """Whether something without a word is a piece of wall: by its feature, in which the errors of single views have averaged out."""
+        if thing.label or not self._settings.background:
+            return False
+        said = sorted({word for other in self._map.things.values() for word in other.weights})
+        if not said:
+            return False
+        near = self._embedder.embed_text(list(self._settings.background)) @ thing.embedding()
+        return bool(near.max() > (self._embedder.embed_text(said) @ thing.embedding()).max())
+
+    def _remove(self, thing: Thing, smoother: Smoother) -> MapEvent:
+        smoother.remove(thing.id)
+        self._map.forget(thing.id)
+        self._last_seen.pop(thing.id, None)
+        return MapEvent("removed", thing.id, thing.label, SOURCE)
 
     def _check_silent(self, now_s: float, smoother: Smoother) -> list[MapEvent]:
         """Remove what is not seen any more and does not pass; what passes is not asked again until it is seen."""
@@ -79,10 +98,7 @@ class StatusChecks:
             thing = self._map[landmark_id]
             long_ago = self._keyframe - last > self._settings.silent_keyframes
             if long_ago and now_s - thing.last_seen_s >= self._settings.silent_seconds and not self.passes(thing):
-                smoother.remove(landmark_id)
-                self._map.forget(landmark_id)
-                del self._last_seen[landmark_id]
-                events.append(MapEvent("removed", landmark_id, thing.label, SOURCE))
+                events.append(self._remove(thing, smoother))
         return events
 
     def _split(self, thing: Thing, smoother: Smoother) -> list[MapEvent]:

@@ -67,7 +67,13 @@ class Thing:
     @property
     def label(self) -> str:
         """The word that an agent gave it, else the heaviest."""
-        return self.fixed_label if self.fixed_label is not None else heaviest(self.weights)
+        if self.fixed_label is not None:
+            return self.fixed_label
+        return "" if self._is_nameless else heaviest(self.weights)
+
+    @property
+    def _is_nameless(self) -> bool:
+        return self.record is not None and self.record.is_nameless
 
     def surface(self) -> FloatArray:
         """(M, 3) points of its surface relative to its position; M is the same for all things, few views are repeated."""
@@ -90,7 +96,7 @@ class Thing:
         return self._words
 
     def _distribution(self) -> dict[str, float]:
-        total = sum(self.weights.values())
+        total = 0.0 if self._is_nameless else sum(self.weights.values())
         shares = {word: weight / total for word, weight in self.weights.items()} if total > 0 else {}
         if self.fixed_label is not None:
             shares = {word: (1.0 - AGENT_SHARE) * share for word, share in shares.items()}

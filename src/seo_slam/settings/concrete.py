@@ -31,8 +31,8 @@ class StatusSettings(Settings):
     alike_cosine: float = Field(
         0.75, ge=-1, le=1, description="features from which two words are names of one thing, and count together; 1: never (the paper)"
     )
-    null_votes: bool = Field(
-        False, description="observations without a class count as a class of their own (the paper); else they abstain where others do not"
+    background: tuple[str, ...] = Field(
+        ("wall", "floor", "ceiling"), description="a landmark without a word that looks more like these than like any word said is dropped"
     )
     silent_keyframes: int = Field(10, ge=1, description="a landmark not seen for so many keyframes is checked")
     silent_seconds: float = Field(2.0, ge=0, description="and for so long")

@@ -25,4 +25,10 @@ class CloudSettings(Settings):
     )
     cluster_m: float = Field(0.1, gt=0, description="points nearer than this are neighbours (DBSCAN's eps)")
     cluster_points: int = Field(10, ge=1, description="a point with at least so many neighbours is inside a cluster")
+    named_share: float = Field(
+        1 / 3,
+        gt=0,
+        le=1,
+        description="where at least this share of a landmark's observations has a class, the others abstain; 1: the paper",
+    )
     least_points: int = Field(5, ge=1, description="a smaller cloud is none")

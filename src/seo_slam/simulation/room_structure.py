@@ -1,7 +1,7 @@
 """Walls, floor and a row of tables. World: the room's corner is the origin, z up; the row stands before the wall at high y."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,6 +15,8 @@ from seo_slam.simulation.textures import Rgb
 from seo_slam.simulation.world import STRUCTURE_ID, Light, Part, Thing, World
 
 CEILING_M = 2.6
+SHELL = ("room", "floor")
+"""Labels of the structure that is no furniture."""
 _FLOOR_BESIDE_M = 2.4  # between the ends of the row and the walls: chairs, and the ends of the walk
 _BEFORE_M = 2.9  # between the front of the row and the wall behind the camera
 _WALLS: tuple[tuple[Rgb, Rgb], ...] = (
@@ -70,6 +72,14 @@ def build_structure(tables: Sequence[RoomModel], seed: int, room: str, layout: i
         gaze_world=np.array([row.middle_x_m, middle_y, row.top_m]),
     )
     return RoomStructure(world, tuple(placed), row, size_m)
+
+
+def with_tables_as_things(world: World) -> World:
+    """Return a room in which the tables have ids, above those of all other things, and can be found."""
+    first = 1000 + max((thing.id for thing in world.things), default=0)  # things that come later have ids below
+    tables = [thing for thing in world.structure if thing.label not in SHELL]
+    named = [replace(table, id=first + n, kind="anchor") for n, table in enumerate(tables)]
+    return replace(world, things=(*world.things, *named), structure=tuple(t for t in world.structure if t.label in SHELL))
 
 
 def _shell(seed: int, room: str, size_m: tuple[float, float, float]) -> tuple[Thing, ...]:

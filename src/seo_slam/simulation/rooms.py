@@ -8,6 +8,7 @@ from seo_slam.simulation.mesh_library import MeshLibrary
 from seo_slam.simulation.rendering import RendererName
 from seo_slam.simulation.room_path import change_stamp
 from seo_slam.simulation.room_plan import plan_room
+from seo_slam.simulation.room_structure import with_tables_as_things
 from seo_slam.simulation.scene import Scene, SceneChange
 from seo_slam.simulation.sensors import SensorKnobs
 from seo_slam.simulation.simulated_recording import SimulatedRecording, simulated_camera
@@ -29,6 +30,7 @@ class SimulatedRoom(SimulatedRecording):
         height: int = 240,
         *,
         changes: bool = True,
+        tables_are_things: bool = False,
         sensor_knobs: SensorKnobs | None = None,
         detector_knobs: DetectorKnobs | None = None,
         renderer: RendererName = "auto",
@@ -45,6 +47,8 @@ class SimulatedRoom(SimulatedRecording):
             width: of the images, pixels.
             height: of the images, pixels.
             changes: whether anything changes halfway.
+            tables_are_things: tables have ids, so that they can be detected, and are in the truth; else they are part of the room, as
+                Table I does not count them.
             sensor_knobs: instead of those of the level.
             detector_knobs: instead of those of the level.
             renderer: "embree", "primitive" or "auto".
@@ -60,9 +64,10 @@ class SimulatedRoom(SimulatedRecording):
         plan = plan_room(room, seed, library, changes)
         trajectory = plan.walk.trajectory(frames)
         stamp_s = change_stamp(trajectory.timestamps_s)
+        start = with_tables_as_things(plan.start) if tables_are_things else plan.start
         super().__init__(
-            f"{room} seed {seed}",
-            Scene(plan.start, [SceneChange(stamp_s, event, thing) for event, thing in plan.changes]),
+            f"{room} seed {seed}" + (" with tables" if tables_are_things else ""),
+            Scene(start, [SceneChange(stamp_s, event, thing) for event, thing in plan.changes]),
             trajectory,
             simulated_camera(width, height),
             seed=seed,
