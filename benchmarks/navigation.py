@@ -3,6 +3,7 @@
 python benchmarks/navigation.py --homes house,0,1 --meshes DIR --maps DIR --out DIR --jobs 8
 Prints one JSON object; with --out also navigation.json and navigation.jsonl (every drive with its attempts), with --pictures an SVG each.
 Homes are mapped first, or their maps taken from --maps; then every trial is a job of its own. A drive that raises is a row, "failed".
+A run that was ended goes on with --resume: drives whose rows are in --out are not driven again.
 """
 
 import argparse
@@ -90,13 +91,23 @@ class HomeJob:
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class TrialJob:
-    """One trial of a home, under one strategy."""
+    """One trial of a home, under one strategy.
+
+    Attributes:
+        of: the home.
+        trial, settings, options: what is driven, and how.
+        picture: file for a picture, or None.
+        kept: file for its row, or None.
+        resume: the row is taken from there if it is there.
+    """
 
     of: HomeJob
     trial: Trial
     settings: NavigationSettings
     options: DriveOptions
     picture: str | None
+    kept: str | None = None
+    resume: bool = False
 
     @property
     def room(self) -> str:
@@ -146,9 +157,21 @@ def prepare(job: HomeJob) -> dict[str, Any]:
 
 
 def drive(job: TrialJob) -> dict[str, Any]:
+    """Drive one trial, or take its row where it was driven before; an error becomes a row."""
+    if job.resume and job.kept and Path(job.kept).is_file():
+        kept: dict[str, Any] = json.loads(Path(job.kept).read_text(encoding="utf-8"))
+        return kept
+    row = driven(job)
+    if job.kept:
+        part = Path(f"{job.kept}.part")
+        part.write_text(json.dumps(row, sort_keys=True), encoding="utf-8")
+        part.replace(job.kept)
+    return row
+
+
+def driven(job: TrialJob) -> dict[str, Any]:
     """Drive one trial; an error becomes a row."""
-    kinds = list(COUNTS)
-    number = kinds.index(job.trial.kind) * _DRIVES_A_KIND + job.trial.number  # the same noise under every strategy
+    number = list(COUNTS).index(job.trial.kind) * _DRIVES_A_KIND + job.trial.number  # the same noise under every strategy
     try:
         result = run_trial(
             home_of(job.of),
@@ -222,9 +245,10 @@ def trial_jobs(homes: Sequence[tuple[HomeJob, dict[str, Any]]], given: argparse.
         for trial in map(Trial.from_dict, prepared["trials"]):
             for strategy in strategies:
                 if strategy == "updated" or trial.kind == "cross_anchor" or given.all_strategies:
-                    picture = f"{home.room}-{home.seed}-{trial.name}-{strategy}.svg"
-                    settings = NavigationSettings(strategy=strategy)
-                    jobs.append(TrialJob(home, trial, settings, options, str(given.pictures / picture) if given.pictures else None))
+                    name = f"{home.room}-{home.seed}-{trial.name}-{strategy}"
+                    picture = str(given.pictures / f"{name}.svg") if given.pictures else None
+                    kept = str(given.out / "drives" / f"{name}.json") if given.out else None
+                    jobs.append(TrialJob(home, trial, NavigationSettings(strategy=strategy), options, picture, kept, given.resume))
     return jobs
 
 
@@ -275,6 +299,7 @@ def main(words: Sequence[str] | None = None) -> int:
     parser.add_argument("--jobs", type=int, default=2, help="processes")
     parser.add_argument("--maps", metavar="DIR", type=Path, default=Path("navigation-maps"), help="folder in which maps are kept")
     parser.add_argument("--out", metavar="DIR", type=Path, help="folder for the result's files")
+    parser.add_argument("--resume", action="store_true", help="take drives from --out that are there; give the same words otherwise")
     parser.add_argument("--pictures", metavar="DIR", type=Path, help="folder for a picture of every drive")
     parser.add_argument("--cache", metavar="DIR", type=Path, help="folder of drawn frames of the tours")
     given = parser.parse_args(words)
@@ -283,7 +308,7 @@ def main(words: Sequence[str] | None = None) -> int:
         trial_jobs([], given)
     except SeoSlamError as error:
         parser.error(str(error))
-    for folder in (given.out, given.pictures):
+    for folder in (given.out and given.out / "drives", given.pictures):
         if folder:
             folder.mkdir(parents=True, exist_ok=True)
     prepared, failures = in_parallel(_prepared, jobs, min(given.jobs, len(jobs)), "mapping")

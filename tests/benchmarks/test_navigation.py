@@ -34,6 +34,19 @@ def test_one_run(tmp_path, capsys):
     assert len(list((tmp_path / "pictures").glob("*.svg"))) == 3
     assert len(list((tmp_path / "maps").glob("apartment-10-*/map.json"))) == 1
     assert len(printed["not_successful"]) == sum(not row["success"] for row in rows)
+    (tmp_path / "out" / "drives" / "apartment-10-static-00-updated.json").unlink()
+    assert navigation.main([*words, "--resume"]) == 0
+    again = json.loads(capsys.readouterr().out)
+    assert again["table"] == printed["table"]
+
+
+def test_a_drive_that_is_there_is_not_driven_again(tmp_path, capsys, monkeypatch):
+    words = [*TINY, "--maps", str(tmp_path), "--out", str(tmp_path), "--kinds", "static"]
+    assert navigation.main(words) == 0
+    printed = json.loads(capsys.readouterr().out)
+    monkeypatch.delattr(navigation, "run_trial")
+    assert navigation.main([*words, "--resume"]) == 0
+    assert json.loads(capsys.readouterr().out)["table"] == printed["table"]
 
 
 def test_a_drive_that_raises_is_a_row(tmp_path, capsys, monkeypatch):

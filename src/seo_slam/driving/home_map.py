@@ -1,6 +1,7 @@
 """The map of a simulated home, made on a tour through it before anything moves, and kept in a folder for many trials."""
 
 from collections.abc import Callable, Iterable
+from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -65,15 +66,15 @@ def map_home(
     if folder is not None and (Path(folder) / MAP_FILE).is_file():
         return Map.load(folder)
     odometry = RecordedOdometry(home.odometry) if settings.drifts else DrivenOdometry()
-    mapper = make_mapper(home, odometry, embedder)
     cloud = SceneCloud(settings.layout)
-    for index in progress(range(0, len(home), settings.every)):
-        frame = home.frame(index)
-        if isinstance(odometry, DrivenOdometry):
-            odometry.moved_to(frame.timestamp_s, home.trajectory.T_world_camera[index])
-        step = mapper.step(frame)
-        cloud.add(frame.depth_m, frame.camera, step.T_world_camera)
-    mapped = abstracted(mapper.snapshot(), cloud, embedder, settings)
+    with closing(make_mapper(home, odometry, embedder)) as mapper:
+        for index in progress(range(0, len(home), settings.every)):
+            frame = home.frame(index)
+            if isinstance(odometry, DrivenOdometry):
+                odometry.moved_to(frame.timestamp_s, home.trajectory.T_world_camera[index])
+            step = mapper.step(frame)
+            cloud.add(frame.depth_m, frame.camera, step.T_world_camera)
+        mapped = abstracted(mapper.snapshot(), cloud, embedder, settings)
     if folder is not None:
         mapped.save(folder)
     return mapped

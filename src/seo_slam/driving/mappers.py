@@ -28,6 +28,10 @@ class Mapper(Protocol):
         """Return the map as it is now."""
         ...
 
+    def close(self) -> None:
+        """Release threads and files; nothing is stepped any more."""
+        ...
+
 
 MakeMapper = Callable[[Filmed, Odometry, Embedder], Mapper]
 """Makes a mapper of what is filmed: it takes the detector of it, and may show it to detectors of its own."""

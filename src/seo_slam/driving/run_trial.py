@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable, Sequence
+from contextlib import closing
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -130,8 +131,9 @@ def run_trial(
         size_px=options.size_px,
     )
     mapper = make_mapper(robot, robot.odometry, embedder)
-    navigator = Navigator(abstract, mapper, embedder, settings, seed=drive)
-    outcome = _driven(robot, navigator, trial.query, options.most_frames, watch)
+    with closing(mapper):
+        navigator = Navigator(abstract, mapper, embedder, settings, seed=drive)
+        outcome = _driven(robot, navigator, trial.query, options.most_frames, watch)
     facts = Drive(
         home=name or home.name,
         kind=trial.kind,

@@ -71,6 +71,9 @@ class TrueMapper:
         """Return everything seen so far; ids are those of the things."""
         return Map((self._landmark(thing_id) for thing_id in self._seen), "poses", self._embedder.name)
 
+    def close(self) -> None:
+        """Nothing is to be released."""
+
     def _add(self, view: View, frame: Frame, T_world_camera: FloatArray) -> None:
         drawn = view.rendered
         v, u = np.nonzero((drawn.instance_ids != STRUCTURE_ID) & (drawn.depth_m > 0) & (drawn.depth_m < self._farthest_m))
