@@ -93,7 +93,10 @@ def _extent(search: Search) -> FloatArray:
     if layout is not None:
         known = np.argwhere(layout.floor | layout.obstacles)
         points += [layout.middles(known)] if len(known) else []
-    points += [np.asarray(p)[None, :2] for p in (search.target_world, search.believed_world) if p is not None]
+    if search.target_world is not None:
+        points.append(np.asarray(search.target_world)[:2] + search.success_m * np.array([[1, 0], [-1, 0], [0, 1], [0, -1]]))
+    if search.believed_world is not None:
+        points.append(np.asarray(search.believed_world)[None, :2])
     return np.concatenate([np.asarray(p, dtype=np.float64).reshape(-1, 2) for p in points])
 
 
