@@ -67,6 +67,15 @@ def test_what_has_no_word_and_looks_like_a_wall_is_dropped():
     assert [event for _ in range(3) for event in world.see((2 if 2 in world.ids() else None, AT, None), feature=cup)] == [("stable", 2)]
 
 
+@pytest.mark.parametrize(("flat_m", "word", "stays"), [(0.04, None, False), (0.04, "paper", True), (0.0, None, True)])
+def test_a_flat_piece_without_a_word_is_no_thing(flat_m, word, stays):
+    world = CheckedMap(observations=3, background=(), flat_m=flat_m)
+    world.see((None, AT, word), thin=True)
+    for _ in range(2):
+        world.see((0, AT, word), thin=True)
+    assert world.ids() == ([0] if stays else [])
+
+
 def test_two_names_of_one_look_count_together():
     world = CheckedMap(observations=4, alike_cosine=-1.0)
     world.see((None, AT, "cup"))

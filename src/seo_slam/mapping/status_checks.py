@@ -73,11 +73,17 @@ class StatusChecks:
         return [MapEvent("stable", thing.id, thing.label)]
 
     def _is_background(self, thing: Thing) -> bool:
-        """Whether something without a word is a piece of wall: by its feature, in which the errors of single views have averaged out."""
-        if thing.label or not self._settings.background:
+        """Whether something without a word is no thing: a flat piece of a surface, or what looks more like wall than like anything said.
+
+        Segmenters cut walls and floors into pieces wherever furniture stands before them, and the pictures of such pieces show the
+        furniture. By now the errors of single views have averaged out, of the points as well as of the looks.
+        """
+        if thing.label:
             return False
+        if thickness_m(self._map.cloud(thing).p_world) <= self._settings.flat_m:
+            return True
         said = sorted({word for other in self._map.things.values() for word in other.weights})
-        if not said:
+        if not said or not self._settings.background:
             return False
         near = self._embedder.embed_text(list(self._settings.background)) @ thing.embedding()
         return bool(near.max() > (self._embedder.embed_text(said) @ thing.embedding()).max())
@@ -178,6 +184,13 @@ class StatusChecks:
         share = overlap_shares(points, clouds, self._settings.merge_distance_m)
         either = np.triu(np.maximum(share, share.T), k=1) > self._settings.merge_overlap
         return [(int(a), int(b)) for a, b in zip(*np.nonzero(either), strict=True)]
+
+
+def thickness_m(p_world: FloatArray) -> float:
+    """Extent of points (M, 3) across the plane that fits them best, as of points spread evenly."""
+    if len(p_world) < 3:
+        return 0.0
+    return float(np.sqrt(12.0 * max(float(np.linalg.eigvalsh(np.cov(p_world.T))[0]), 0.0)))
 
 
 def shared_share(box: FloatArray, others: FloatArray, gap_m: float) -> FloatArray:

@@ -34,6 +34,7 @@ class StatusSettings(Settings):
     background: tuple[str, ...] = Field(
         ("wall", "floor", "ceiling"), description="a landmark without a word that looks more like these than like any word said is dropped"
     )
+    flat_m: float = Field(0.04, ge=0, description="a landmark without a word that is no thicker is a piece of a surface; 0: it is kept")
     silent_keyframes: int = Field(10, ge=1, description="a landmark not seen for so many keyframes is checked")
     silent_seconds: float = Field(2.0, ge=0, description="and for so long")
     split: bool = Field(True, description="part a landmark that is seen under two words at once")
