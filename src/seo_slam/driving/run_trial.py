@@ -141,7 +141,7 @@ def run_trial(
         number=trial.number,
         query=trial.query,
         ending=outcome.ending,
-        attempts=len(outcome.attempts),
+        attempts=outcome.places_gone_to,
         collisions=robot.collisions,
         driven_m=robot.driven_m,
         steps=outcome.steps,

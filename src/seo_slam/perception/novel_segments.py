@@ -53,6 +53,7 @@ def parted(detections: Detections, settings: HybridSettings) -> Detections:
     if detections.masks is None or not len(detections):
         return detections
     masks = Masks(disjoint(Masks(detections.masks)))
-    smallest_px = settings.smallest_px * masks.pixels[0].size / PIXELS_OF_VGA
+    least = np.array([settings.smallest_named_px if label else settings.smallest_px for label in detections.labels])
+    smallest_px = np.maximum(least * masks.pixels[0].size / PIXELS_OF_VGA, 1.0)
     parted_ones = Detections(detections.boxes_px, detections.labels, detections.scores, masks.pixels, detections.embeddings)
-    return parted_ones[masks.areas >= max(smallest_px, 1.0)]
+    return parted_ones[masks.areas >= smallest_px]

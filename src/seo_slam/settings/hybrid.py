@@ -18,7 +18,8 @@ class HybridSettings(Settings):
     )
     novel_iou: float = Field(0.5, gt=0, le=1, description="a segment that overlaps a detection more is no news")
     novel_share: float = Field(0.6, gt=0, le=1, description="nor one of which, or in which, more than this share of the other lies")
-    smallest_px: float = Field(204.0, ge=0, description="a smaller mask is dropped")
+    smallest_px: float = Field(204.0, ge=0, description="a smaller mask without a word is dropped")
+    smallest_named_px: float = Field(60.0, ge=0, description="and with a word; the paper's code: 204 as well, which loses a peach at 2 m")
     silent_s: float = Field(60.0, gt=0, description="a segmenter that finds nothing for so long is worth a warning")
 
 
