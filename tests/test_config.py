@@ -90,7 +90,7 @@ def test_presets_are_valid(name):
 
 
 def test_unknown_preset():
-    with pytest.raises(ConfigError, match="unknown preset 'seo'; known: nearest, rg, rg_a, rg_d, rg_d_a, rg_d_cosine, seo_slam"):
+    with pytest.raises(ConfigError, match="unknown preset 'seo'; known: dualmap, dualmap_estimated_poses, nearest, rg, rg_a, rg_d, rg_d_a, rg_d_cosine, seo_slam"):
         Config.preset("seo")
 
 
