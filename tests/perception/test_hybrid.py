@@ -68,7 +68,8 @@ def test_named_things_first_then_what_they_leave_out():
         ({"background": ()}, ("cup", "wall", None)),
         ({"classes": ["BOWL"]}, ("bowl", None)),
         ({"classes": ["shoe"]}, (None, None)),
-        ({"settings": {"smallest_px": 30000.0}}, ()),
+        ({"settings": {"smallest_px": 30000.0}}, ("cup",)),
+        ({"settings": {"smallest_px": 30000.0, "smallest_named_px": 30000.0}}, ()),
     ],
 )
 def test_every_step_can_be_left_out(options, labels):
