@@ -137,13 +137,13 @@ class MapEvent:
     """One line of the map's history.
 
     Attributes:
-        kind: "created", "stable", "lost", "found", "moved", "merged", "relabelled", "removed" or "confirmed"; in a map
-            that was changed after its run also "undone".
-        landmark_id: whose. For "merged" the landmark that goes, for "moved" the one that stays.
+        kind: "created", "stable", "lost", "found", "moved", "merged", "split", "relabelled", "removed" or "confirmed"; in a
+            map that was changed after its run also "undone".
+        landmark_id: whose. For "merged" the landmark that goes, for "moved" the one that stays, for "split" the new one.
         detail: in words: its label, the old and new one, from where to where it moved.
         source: "pipeline" or the agent's name.
-        other_id: for "merged", the landmark it went into; for "moved", the id that the thing had at its new place until then, which is
-            never used again; else None.
+        other_id: for "merged", the landmark it went into; for "split", the one it was part of; for "moved", the id that the thing had at
+            its new place until then, which is never used again; else None.
     """
 
     kind: str
