@@ -30,7 +30,7 @@ class Home:
         self.robot = Robot(start)
         there = [*things, *more, *([self.mug] if self.mug else [])]
         self.mapper = SeeingMapper(self.robot, there, says=says, door=door)
-        old_map = abstract_map(things, [(resting(10, "mug", by_id[mapped]), by_id[mapped])], door)
+        old_map = abstract_map(things, [] if mapped is None else [(resting(10, "mug", by_id[mapped]), by_id[mapped])], door)
         grid = NavigationGrid(old_map.layout, 0.18)
         far = planner or VoronoiPlanner(grid)
         parts = {"grid": grid, "far": far, "near": far}
@@ -261,11 +261,24 @@ def test_an_empty_map_is_answered():
     assert navigator.ask("mug").ending == "empty_map"
 
 
-def test_a_thing_that_the_map_knows_nothing_like_is_answered_with_the_best_it_has():
-    outcome = Home().navigator.ask("banana")
+def test_a_thing_that_the_map_knows_nothing_like_can_be_answered_at_once_with_the_best_it_has():
+    outcome = Home(unknown="answer").navigator.ask("banana")
     assert outcome.ending == "not_found"
     assert "knows nothing like 'banana'" in outcome.reason
     assert "table 1 (0.00)" in outcome.reason
+
+
+def test_a_thing_that_the_map_knows_nothing_like_is_searched_for_and_not_found():
+    outcome = Home().search("banana")
+    assert outcome.ending == "not_found"
+    assert len(gone_to(outcome)) == 3
+    assert "knows nothing like 'banana'; the best it has is the table 1 (0.00)" in outcome.reason
+
+
+def test_a_thing_that_came_into_the_home_is_found():
+    home = Home(mapped=None, now=DESK)
+    assert home.search().found
+    assert home.from_mug_m < 1.0
 
 
 def test_a_room_limits_the_search():
@@ -281,7 +294,7 @@ def test_a_room_limits_the_search():
 
 
 def test_in_a_room_without_such_a_thing():
-    assert "knows nothing like" in Home().navigator.ask("mug in the study").reason
+    assert "knows nothing like" in Home(unknown="answer").navigator.ask("mug in the study").reason
 
 
 def test_a_frame_before_a_query():

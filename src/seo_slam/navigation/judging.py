@@ -30,12 +30,14 @@ class Judge:
 
     Attributes:
         required: score of a match.
+        is_known: the map has something like what was asked for.
         rejected: landmarks that turned out to be something else.
     """
 
     def __init__(self, query: Query, feature: FloatArray, first_score: float, senses: Senses, settings: NavigationSettings) -> None:
         """Take the query with its feature (D,), and the first candidate's score."""
         self.required = max(first_score - settings.margin, settings.least_score)
+        self.is_known = first_score >= settings.least_score
         self.rejected: set[int] = set()
         self._query = query
         self._feature = feature

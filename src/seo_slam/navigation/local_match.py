@@ -59,7 +59,7 @@ def is_at(landmark: Landmark, anchor: Anchor, growth: float, beside_m: float = 0
     """
     low, high = anchor.bounds_world
     grown = np.maximum(growth * (high - low), beside_m)
-    own_low, own_high = _box(landmark)
+    own_low, own_high = box_of(landmark)
     middle = 0.5 * (own_low + own_high)
     inside = bool((middle >= low - grown).all() and (middle <= high + grown).all())
     return inside or bool((anchor.xy_world >= own_low).all() and (anchor.xy_world <= own_high).all())
@@ -82,7 +82,7 @@ def center_of(landmark: Landmark) -> FloatArray:
     return np.asarray(0.5 * (cloud.min(axis=0) + cloud.max(axis=0)) if len(cloud) else landmark.position_m)
 
 
-def _box(landmark: Landmark) -> tuple[FloatArray, FloatArray]:
+def box_of(landmark: Landmark) -> tuple[FloatArray, FloatArray]:
     """Low and high corner (2,) of a landmark seen from above."""
     if len(landmark.cloud_world):
         return landmark.cloud_world[:, :2].min(axis=0), landmark.cloud_world[:, :2].max(axis=0)

@@ -102,7 +102,14 @@ def viewpoints(
     return _best(xy, cost, from_xy, grid, _PLACES, _APART_M)
 
 
-def places_near(target_xy: FloatArray, within_m: float, from_xy: FloatArray, grid: Grid, layout: Layout) -> FloatArray:
+def places_near(
+    target_xy: FloatArray,
+    within_m: float,
+    from_xy: FloatArray,
+    grid: Grid,
+    layout: Layout,
+    box: tuple[FloatArray, FloatArray] | None = None,
+) -> FloatArray:
     """Return (N, 2) places to stop before a thing, best first: as near as the free floor allows, on the robot's side of walls.
 
     Args:
@@ -111,11 +118,12 @@ def places_near(target_xy: FloatArray, within_m: float, from_xy: FloatArray, gri
         from_xy: (2,) where the robot is; it sees the thing from there.
         grid: the free floor.
         layout: its walls and rooms.
+        box: low and high corner (2,) of the thing itself, which does not hide its own middle.
     """
     xy = _free_around(target_xy - within_m, target_xy + within_m, _STOP_STEP_M, grid)
     away = np.linalg.norm(xy - target_xy, axis=1)
     xy, away = xy[away <= within_m], away[away <= within_m]
-    walls_m = _walls_m(xy, target_xy, layout)  # the bookcase that a thing is in hides it from everywhere: only more than that counts
+    walls_m = _walls_m(xy, target_xy, layout, box)  # the bookcase that a thing is in hides it from everywhere: only more than that counts
     hidden = walls_m > walls_m.min(initial=np.inf) + _WALL_CELLS * layout.cell_m
     cost = away + 0.5 * _WAY * np.linalg.norm(xy - from_xy, axis=1) + _HIDDEN * hidden
     here = int(rooms_of(from_xy[None], layout)[0])

@@ -5,7 +5,8 @@ from collections.abc import Generator
 
 import numpy as np
 
-from seo_slam.abstraction.abstract_map import AbstractMap
+from seo_slam.abstraction.abstract_map import AbstractMap, Layout
+from seo_slam.abstraction.scene_cloud import SceneCloud
 from seo_slam.errors import ConfigError, MapError
 from seo_slam.geometry import FloatArray
 from seo_slam.interfaces import Embedder
@@ -23,7 +24,7 @@ from seo_slam.navigation.senses import Senses
 from seo_slam.navigation.ways import Ways
 from seo_slam.settings.abstraction import AbstractionSettings
 from seo_slam.settings.navigation import NavigationSettings
-from seo_slam.settings.planning import PlannerSettings
+from seo_slam.settings.planning import LayoutSettings, PlannerSettings
 from seo_slam.types import Frame
 
 _LOG = logging.getLogger(__name__)
@@ -55,6 +56,7 @@ class Navigator:
         *,
         planning: PlannerSettings | None = None,
         abstraction: AbstractionSettings | None = None,
+        scene: LayoutSettings | None = None,
         grid: Grid | None = None,
         far: Planner | None = None,
         near: Planner | None = None,
@@ -71,6 +73,7 @@ class Navigator:
             settings: how to search.
             planning: the robot's radius, and how its ways are found.
             abstraction: how the local map becomes anchors.
+            scene: how floor that the map does not know is found on the way.
             grid: the free floor; it, ``far`` and ``near`` are given all three, or none.
             far: a global planner instead of Voronoi.
             near: a local planner instead of RRT*.
@@ -94,10 +97,12 @@ class Navigator:
         self._ways = _ways(abstract_map, planning or PlannerSettings(), grid, far, near, seed)
         self._abstracting, self._updating = _map_keeping(embedder, abstraction or AbstractionSettings(), abstracting, updating)
         self._senses = Senses(mapper, self.settings)
+        self._scene = SceneCloud(scene)
         self._query: Query | None = None
         self._search: Search | None = None
         self._memory: Memory | None = None
         self._commands: Generator[Command, None, tuple[Ending, str]] | None = None
+        self._unknown = ""
         self._steps = 0
         self._lines: list[str] = []
         self._trace: list[FloatArray] = []
@@ -125,7 +130,8 @@ class Navigator:
     def ask(self, text: str) -> Outcome | None:
         """Begin to search for something. A search that is going on ends, and the map keeps what it saw.
 
-        An empty text, an empty map, a room without furniture and a thing that the map knows nothing like are answered at once.
+        An empty text, an empty map and a room without furniture are answered at once. What the map knows nothing like is searched for,
+        unless ``settings.unknown`` says otherwise: things come into a home.
 
         Args:
             text: such as "mug", or "the mug in the kitchen" with a room that the map knows.
@@ -169,6 +175,8 @@ class Navigator:
             self._note("odometry is lost")
             return stop(self._senses.stance)
         self._trace.append(self._senses.stance.xy_world)
+        if self.settings.grow_floor and frame.has_depth:
+            self._scene.add(frame.depth_m, frame.camera, self._senses.T_world_camera)
         try:
             return next(self._commands)
         except StopIteration as end:
@@ -185,20 +193,21 @@ class Navigator:
         if not rows:
             return self._answer("not_found", f"the map has no furniture in the {query.room}")
         first = rows[0]
-        if first.score < self.settings.least_score:
-            return self._answer("not_found", _not_known(abstract_map, query, first))
+        self._unknown = _not_known(abstract_map, query, first) if first.score < self.settings.least_score else ""
+        if self._unknown and self.settings.unknown == "answer":
+            return self._answer("not_found", self._unknown)
         settings, senses, ways = self.settings, self._senses, self._ways
         senses.restart(abstract_map.anchors)
         memory = Memory(abstract_map, senses, settings, self._abstracting, self._updating)
         judge = Judge(query, feature, first.score, senses, settings)
         selection = Selection(query, feature, memory, judge, senses, ways, settings, self._seed)
         self._memory = memory
-        self._search = Search(query, feature, judge, memory, selection, senses, ways, settings, self._note)
+        self._search = Search(query, feature, judge, memory, selection, senses, ways, settings, self._note, self._grow_floor)
         self._commands = self._search.commands()
         return None
 
     def _finish(self, ending: Ending, reason: str) -> Command:
-        self._answer(ending, reason)
+        self._answer(ending, f"{reason}; {self._unknown}" if self._unknown and ending != "found" else reason)
         self._end_search()
         return stop(self._senses.stance)
 
@@ -215,6 +224,11 @@ class Navigator:
             self._commands.close()
             self._commands = None
             self._search.learn()
+
+    def _grow_floor(self) -> None:
+        """Let the ways know of floor that was seen on the way."""
+        if self._ways is not None and self.settings.grow_floor and len(self._scene):
+            self._ways.grow(self._scene.layout())
 
     def _note(self, line: str) -> None:
         text = f"{self._steps}: {line}"
@@ -245,8 +259,11 @@ def _ways(
     from seo_slam.navigation.grid import NavigationGrid
     from seo_slam.navigation.local_planner import RrtStar
 
-    own = NavigationGrid(layout, planning.radius_m)
-    return Ways(hiding, own, VoronoiPlanner(own, planning), RrtStar(own, planning, seed))
+    def plan(floor: Layout) -> tuple[Grid, Planner, Planner]:
+        own = NavigationGrid(floor, planning.radius_m)
+        return own, VoronoiPlanner(own, planning), RrtStar(own, planning, seed)
+
+    return Ways(hiding, *plan(layout), floor=layout, plan=plan)
 
 
 def _map_keeping(

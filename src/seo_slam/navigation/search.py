@@ -8,7 +8,7 @@ from seo_slam.abstraction.abstract_map import Anchor
 from seo_slam.errors import NoPathError
 from seo_slam.geometry import FloatArray
 from seo_slam.navigation.judging import Judge
-from seo_slam.navigation.local_match import Match, center_of, is_at, look_at_z_m
+from seo_slam.navigation.local_match import Match, box_of, center_of, is_at, look_at_z_m
 from seo_slam.navigation.looking import heading_to, headings_over, in_sight, nearest_turn
 from seo_slam.navigation.memory import Memory
 from seo_slam.navigation.moves import Moves
@@ -49,8 +49,9 @@ class Search:
         ways: Ways,
         settings: NavigationSettings,
         log: Callable[[str], None],
+        grow_floor: Callable[[], None] = lambda: None,
     ) -> None:
-        """Take the parts of a search."""
+        """Take the parts of a search; ``grow_floor`` is called before the last stretch, so that it knows all floor that was seen."""
         self.attempts: list[Attempt] = []
         self.found: Match | None = None
         self.moves = Moves(senses, ways, settings)
@@ -62,6 +63,7 @@ class Search:
         self._senses = senses
         self._ways = ways
         self._settings = settings
+        self._grow_floor = grow_floor
         self._log = log
 
     def commands(self) -> Generator[Command, None, tuple[Ending, str]]:
@@ -202,9 +204,10 @@ class Search:
         """Go right before a match and face it; it is ``found`` if it still is one then. Returns whether it was come to, and what it was."""
         self._judge.rejected.add(match.landmark.id)
         for _ in range(_APPROACHES):
+            self._grow_floor()
             target = center_of(match.landmark)
             try:
-                path = self._ways.to_stop(target[:2], self._senses.stance.xy_world, self._settings.approach_m)
+                path = self._ways.to_stop(target[:2], self._senses.stance.xy_world, self._settings.approach_m, box_of(match.landmark))
             except NoPathError as error:
                 return False, f"no path to the {match.label}: {error}"
             walked = yield from self.moves.walk(path)
@@ -231,12 +234,14 @@ class Search:
     def _clear(self) -> Match | None:
         """A clear match anywhere, if such are taken by now."""
         settings = self._settings
-        taken = settings.opportunistic == "always" or (settings.opportunistic == "after_first" and self._places_gone_to > 0)
+        first_is_over = self._places_gone_to > 0 or not self._judge.is_known
+        taken = settings.opportunistic == "always" or (settings.opportunistic == "after_first" and first_is_over)
         return self._judge.clear(self._memory.map) if taken and settings.strategy == "updated" else None
 
     def _glimpse(self) -> Match | None:
         """Something worth a closer look, once the first candidate was gone to."""
-        taken = self._settings.opportunistic != "never" and self._settings.strategy == "updated" and self._places_gone_to > 0
+        first_is_over = self._places_gone_to > 0 or not self._judge.is_known
+        taken = self._settings.opportunistic != "never" and self._settings.strategy == "updated" and first_is_over
         return self._judge.glimpse(self._memory.map) if taken else None
 
     @property

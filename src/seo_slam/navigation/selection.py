@@ -22,7 +22,8 @@ class Selection:
     Strategy "updated" takes the best anchor of the map as updated on the way, if it scores like the first candidate. If none does, the
     setting ``next_candidate`` says: "highest", the best all the same (the paper); "same_class", the best of the first candidate's word if
     there is one left (the public code); "learn", see ``choosing.most_learned``, and anchors seen well on the way without a match on
-    them are left for the end. "original" takes the best left of the map as it was, "random" any; both learn nothing on the way.
+    them are left for the end. So it is from the start with a thing that the map does not know. "original" takes the best left of the
+    map as it was, "random" any; both learn nothing on the way.
     """
 
     def __init__(
@@ -55,7 +56,7 @@ class Selection:
             order = self._first if self._settings.strategy == "original" else self._shuffled
             return next((candidate for candidate in order if candidate.anchor_id not in tried), None)
         left = candidates(self._memory.map, self._feature, tried, self._query.room)
-        if not left or not tried:
+        if not left or (not tried and self._judge.is_known):
             return next(iter(left), None)
         return self._after_the_first(left)
 

@@ -7,6 +7,7 @@ import numpy as np
 
 from seo_slam.abstraction.abstract_map import Anchor
 from seo_slam.errors import OptimizationError
+from seo_slam.geometry import FloatArray
 from seo_slam.navigation.coverage import Coverage
 from seo_slam.navigation.looking import Eye
 from seo_slam.navigation.motion import Stance
@@ -24,6 +25,7 @@ class Senses:
     The mapper may go on from search to search; only what was seen since ``restart`` counts, since things may have been moved between.
 
     Attributes:
+        T_world_camera: (4, 4) pose of its camera.
         stance: where the robot is.
         eye: its camera.
         lost: odometry is lost; ``stance`` is the last one known.
@@ -40,6 +42,7 @@ class Senses:
 
     def restart(self, anchors: Sequence[Anchor]) -> None:
         """Begin a search over the anchors of a map."""
+        self.T_world_camera: FloatArray = np.eye(4)
         self.stance = Stance(np.zeros(2), 0.0)
         self.eye = Eye(0.0, 0.0, 0.0, 0.0)
         self.lost = False
@@ -68,6 +71,7 @@ class Senses:
         self.lost = result.odometry_status == "lost"
         if self.lost:
             return
+        self.T_world_camera = result.T_world_camera
         self.stance = Stance.of(result.T_world_camera)
         self.eye = Eye.of(result.T_world_camera, frame.camera)
         if result.is_keyframe:

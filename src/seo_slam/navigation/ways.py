@@ -1,7 +1,7 @@
 """Ways to where something can be seen, and to right before it."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,10 +14,11 @@ from seo_slam.navigation.parts import Grid, Planner
 
 _WORSE_VIEW_M = 0.5  # the next best place to look from is taken if its way is so much shorter
 _PLACES_TO_STOP = 3
+_BLUR_M = 0.1  # by so much the cells of a thing reach beyond its box
 _LOCAL_M = 2.5  # what is farther off is not the last stretch
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(slots=True, eq=False)
 class Ways:
     """The floor, and those who find ways over it.
 
@@ -26,12 +27,30 @@ class Ways:
         grid: where the robot may be.
         far: the global planner (Voronoi).
         near: the local planner (RRT*).
+        floor: what ``grid`` was made of, where it grows with what is seen.
+        plan: makes grid and planners of a layout; None: the floor stays as it is.
     """
 
     layout: Layout
     grid: Grid
     far: Planner
     near: Planner
+    floor: Layout | None = None
+    plan: Callable[[Layout], tuple[Grid, Planner, Planner]] | None = None
+
+    def grow(self, seen: Layout) -> bool:
+        """Take in floor that was seen on the way and that the map does not know; return whether there is any.
+
+        What the map calls an obstacle or a wall stays one, and so does what is seen to be one now.
+        """
+        if self.plan is None or self.floor is None:
+            return False
+        grown = with_seen_floor(self.floor, seen)
+        if not (grown.floor & ~self.floor.floor).any() and not (grown.obstacles & ~self.floor.obstacles).any():
+            return False
+        self.floor = grown
+        self.grid, self.far, self.near = self.plan(grown)
+        return True
 
     def to_see(
         self, anchor: Anchor, eye: Eye, from_xy: FloatArray, before: Sequence[FloatArray] = (), z_m: float | None = None
@@ -63,15 +82,18 @@ class Ways:
             raise NoPathError(reason)
         return min(paths, key=lambda pair: pair[0])[1]
 
-    def to_stop(self, target_xy: FloatArray, from_xy: FloatArray, within_m: float) -> FloatArray:
+    def to_stop(
+        self, target_xy: FloatArray, from_xy: FloatArray, within_m: float, box: tuple[FloatArray, FloatArray] | None = None
+    ) -> FloatArray:
         """Return a path (N, 2) to the free place nearest to a thing: by the local planner, from where the robot is.
 
-        The global planner is asked where that finds none among its samples, and first where the thing is far off.
+        The global planner is asked where that finds none among its samples, and first where the thing is far off. ``box`` is the thing's
+        own, low and high corner (2,).
 
         Raises:
             NoPathError: there is no free place within ``within_m``, or no way leads to the nearest few.
         """
-        places = places_near(target_xy, within_m, from_xy, self.grid, self.layout)
+        places = places_near(target_xy, within_m, from_xy, self.grid, self.layout, _grown(box))
         if not len(places):
             raise NoPathError(f"no free floor within {within_m} m of ({target_xy[0]:.2f}, {target_xy[1]:.2f}) can be come to")
         reason = ""
@@ -85,3 +107,19 @@ class Ways:
                 except NoPathError as error:
                     reason = reason or str(error)
         raise NoPathError(reason)
+
+
+def with_seen_floor(known: Layout, seen: Layout) -> Layout:
+    """Return a layout with the floor and the obstacles of another one, which may have a grid of its own, added to its own."""
+    middles = known.middles(np.argwhere(np.ones_like(known.floor)))
+    cells = seen.cells(middles)
+    inside = ((cells >= 0) & (cells < seen.floor.shape)).all(axis=-1)
+    floor, obstacles = (np.zeros(len(cells), dtype=np.bool_) for _ in range(2))
+    at = tuple(cells[inside].T)
+    floor[inside], obstacles[inside] = seen.floor[at], (seen.obstacles | seen.walls)[at]
+    shape = known.floor.shape
+    return replace(known, floor=known.floor | floor.reshape(shape), obstacles=known.obstacles | obstacles.reshape(shape))
+
+
+def _grown(box: tuple[FloatArray, FloatArray] | None) -> tuple[FloatArray, FloatArray] | None:
+    return None if box is None else (box[0] - _BLUR_M, box[1] + _BLUR_M)

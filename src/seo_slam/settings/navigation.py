@@ -17,6 +17,9 @@ class NavigationSettings(Settings):
     attempts: int = Field(3, ge=1, description="candidates that are gone to before the search ends (the paper: three)")
     margin: float = Field(0.1, ge=0, le=1, description="a match may score so much less than the first candidate did")
     least_score: float = Field(0.55, ge=-1, le=1, description="below it nothing is alike: the map does not know what is asked for")
+    unknown: Literal["search", "answer"] = Field(
+        "search", description="such a thing is searched for all the same, or the answer is given at once: the map may lack what is there"
+    )
     local_observations: int = Field(3, ge=1, description="observations of this search that a match needs")
     box_growth: float = Field(0.1, ge=0, le=1, description="the anchor's footprint box is grown by this share on each side for a match")
     strategy: Strategy = Field(
@@ -50,6 +53,7 @@ class NavigationSettings(Settings):
     turned_rad: float = Field(0.06, gt=0, description="a heading is reached at this difference")
     escape_m: float = Field(1.0, ge=0, description="free floor this near to a robot that stands outside of it is gone to first")
     approach_m: float = Field(1.5, gt=0, description="the robot stops at most this far from the middle of the match")
+    grow_floor: bool = Field(True, description="floor that the map does not know and that is seen on the way may be walked on")
     stuck_frames: int = Field(20, ge=2, description="frames without getting ahead after which another path is planned")
     replans: int = Field(3, ge=0, description="other paths on one way before it counts as blocked")
     max_steps: int = Field(3000, ge=1, description="frames after which a search is given up")
