@@ -108,7 +108,8 @@ class Keeper:
         return self._objects.rows_with(ids[rows], p_world[rows], self._covariances(ids[rows], keyframe_id)), gone
 
     def _have_kept(self, changed: Sequence[Landmark], gone: set[int]) -> None:
-        self._kept_at.update({row.id: row.position_m for row in changed})
+        ids, p_world = self._parts.smoother.positions()
+        self._kept_at.update({row.id: p_world[int(np.searchsorted(ids, row.id))] for row in changed})
         for landmark_id in gone:
             self._kept_at.pop(landmark_id, None)
 
