@@ -62,11 +62,17 @@ def test_parted_masks_share_nothing_and_lose_nothing(pixels):
 
 
 def test_the_larger_loses_the_overlap_and_small_ones_go():
-    found = seen((0, 0, 40, 40), (30, 30, 50, 50), (70, 50, 72, 51))
+    found = seen((0, 0, 40, 40), (30, 30, 50, 50), (70, 50, 72, 51), labels=("thing 0", "thing 1", None))
     out = parted(found, HybridSettings(smallest_px=300.0))  # 300 of 640x480 are 4.7 here
     assert out.labels == ("thing 0", "thing 1")
     assert out.masks.sum(axis=(1, 2)).tolist() == [1500, 400]
     assert len(parted(found, HybridSettings(smallest_px=0.0))) == 3
+
+
+def test_a_word_lets_a_smaller_one_stay():
+    found = seen((0, 0, 2, 1), (10, 0, 12, 1), (20, 0, 21, 1), labels=("peach", None, "pea"))  # 2, 2 and 1 pixels
+    settings = HybridSettings(smallest_px=204.0, smallest_named_px=96.0)  # 3.2 and 1.5 here
+    assert parted(found, settings).labels == ("peach",)
 
 
 def test_a_mask_that_is_wholly_covered_goes():
