@@ -90,7 +90,8 @@ def test_presets_are_valid(name):
 
 
 def test_unknown_preset():
-    with pytest.raises(ConfigError, match="unknown preset 'seo'; known: dualmap, dualmap_estimated_poses, nearest, rg, rg_a, rg_d, rg_d_a, rg_d_cosine, seo_slam"):
+    known = "dualmap, dualmap_estimated_poses, nearest, rg, rg_a, rg_d, rg_d_a, rg_d_cosine, seo_slam"
+    with pytest.raises(ConfigError, match=f"unknown preset 'seo'; known: {known}"):
         Config.preset("seo")
 
 
@@ -139,3 +140,10 @@ def test_updating_keeps_the_other_settings():
 def test_a_config_survives_json():
     config = Config.preset("nearest")
     assert Config.from_dict(json.loads(config.model_dump_json())) == config
+
+
+@pytest.mark.parametrize("setting", ["status.enabled=true", "associator.name=overlap"])
+def test_what_needs_clouds_says_so(setting):
+    with pytest.raises(ConfigError, match=r"needs clouds: set clouds\.enabled"):
+        Config().with_settings([setting])
+    assert Config().with_settings([setting, "clouds.enabled=true"]).clouds.enabled

@@ -15,13 +15,16 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from seo_slam.abstraction.abstract_map import AbstractMap, Anchor, Layout, Room, Volatile
     from seo_slam.agents.description import DescriptionAgent
     from seo_slam.agents.local_description import LocalDescription
     from seo_slam.agents.local_merging import LocalMerging
     from seo_slam.agents.local_verification import LocalVerification
     from seo_slam.agents.merging import MergingAgent
+    from seo_slam.agents.place_classes import classes_of_place
     from seo_slam.agents.verification import VerificationAgent
     from seo_slam.ask.answer import Answer
+    from seo_slam.association.overlap import OverlapAssociator
     from seo_slam.association.two_stage import TwoStageAssociator
     from seo_slam.backends.openai_chat import OpenAIChat
     from seo_slam.backends.recorded_odometry import RecordedOdometry
@@ -29,6 +32,7 @@ if TYPE_CHECKING:
     from seo_slam.config import LOCAL_AGENTS, Component, Config
     from seo_slam.datasets.open import open_dataset
     from seo_slam.datasets.trajectory_files import read_trajectory, write_trajectory
+    from seo_slam.driving.robot import SimulatedRobot
     from seo_slam.errors import (
         AgentError,
         BackendError,
@@ -49,15 +53,36 @@ if TYPE_CHECKING:
         UnknownBackendError,
         UnknownLandmarkError,
     )
-    from seo_slam.interfaces import Agent, AgentView, Associator, ChatModel, ChatReply, ChatRequest, Evidence
+    from seo_slam.evaluation.segmentation import evaluate_segmentation
+    from seo_slam.interfaces import (
+        Agent,
+        AgentView,
+        Associator,
+        ChatModel,
+        ChatReply,
+        ChatRequest,
+        CropEmbedder,
+        Detector,
+        Embedder,
+        Evidence,
+        ImageEmbedder,
+        Odometry,
+    )
     from seo_slam.map import Map, QueryHit
+    from seo_slam.navigation.navigator import Navigator
+    from seo_slam.navigation.outcomes import Attempt, Candidate, Command, Outcome
+    from seo_slam.perception.class_list import ClassList
+    from seo_slam.perception.hybrid import HybridDetector
     from seo_slam.pipeline import Pipeline
     from seo_slam.records import Confirm, Doubt, EditRecord, MapEvent, Merge, Relabel, Remove, StepResult, Trajectory
     from seo_slam.run_result import RunResult
+    from seo_slam.settings.navigation import NavigationSettings
     from seo_slam.simulation.apartment import SimulatedApartment
     from seo_slam.simulation.house import SimulatedHouse
+    from seo_slam.simulation.image_encoder import SimulatedImageEncoder
     from seo_slam.simulation.recording import SimulatedDesk
     from seo_slam.simulation.rooms import SimulatedRoom
+    from seo_slam.simulation.segments import SimulatedSegmenter
     from seo_slam.types import NEW, REJECTED, Association, Detections, Estimate, Frame, Landmark, Landmarks, Motion, Observations
     from seo_slam.undo import read_edits, undo_edit
 
@@ -98,7 +123,20 @@ _MODULES = {
         "UnknownBackendError",
         "UnknownLandmarkError",
     ),
-    "interfaces": ("Agent", "AgentView", "Associator", "ChatModel", "ChatReply", "ChatRequest", "Evidence"),
+    "interfaces": (
+        "CropEmbedder",
+        "Detector",
+        "Embedder",
+        "ImageEmbedder",
+        "Odometry",
+        "Agent",
+        "AgentView",
+        "Associator",
+        "ChatModel",
+        "ChatReply",
+        "ChatRequest",
+        "Evidence",
+    ),
     "map": ("Map", "QueryHit"),
     "pipeline": ("Pipeline",),
     "run_result": ("RunResult",),
@@ -120,6 +158,29 @@ _MODULES = {
         "Observations",
     ),
     "undo": ("read_edits", "undo_edit"),
+    "abstraction.abstract_map": (
+        "AbstractMap",
+        "Anchor",
+        "Layout",
+        "Room",
+        "Volatile",
+    ),
+    "agents.place_classes": ("classes_of_place",),
+    "association.overlap": ("OverlapAssociator",),
+    "driving.robot": ("SimulatedRobot",),
+    "evaluation.segmentation": ("evaluate_segmentation",),
+    "navigation.navigator": ("Navigator",),
+    "navigation.outcomes": (
+        "Attempt",
+        "Candidate",
+        "Command",
+        "Outcome",
+    ),
+    "perception.class_list": ("ClassList",),
+    "perception.hybrid": ("HybridDetector",),
+    "settings.navigation": ("NavigationSettings",),
+    "simulation.image_encoder": ("SimulatedImageEncoder",),
+    "simulation.segments": ("SimulatedSegmenter",),
 }
 _HOME = {name: f"seo_slam.{module}" for module, names in _MODULES.items() for name in names}
 
@@ -196,6 +257,30 @@ __all__ = [  # noqa: RUF022  # by what they are for
     "ChatReplyError",
     "BudgetExceeded",
     "__version__",
+    "AbstractMap",
+    "Anchor",
+    "Layout",
+    "Room",
+    "Volatile",
+    "classes_of_place",
+    "OverlapAssociator",
+    "SimulatedRobot",
+    "evaluate_segmentation",
+    "Navigator",
+    "Attempt",
+    "Candidate",
+    "Command",
+    "Outcome",
+    "ClassList",
+    "HybridDetector",
+    "NavigationSettings",
+    "SimulatedImageEncoder",
+    "SimulatedSegmenter",
+    "CropEmbedder",
+    "Detector",
+    "Embedder",
+    "ImageEmbedder",
+    "Odometry",
 ]
 
 

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 from seo_slam.abstraction.abstract_map import AbstractMap
 from seo_slam.abstraction.abstracting import abstract
+from seo_slam.abstraction.joined_layouts import joined
 from seo_slam.abstraction.scene_thread import SceneCloudThread
 from seo_slam.abstraction.updating import updated
 from seo_slam.config import Config
@@ -36,14 +37,22 @@ class Abstraction:
     """Feeds the scene cloud with keyframes (DualMap III-A4) and makes the abstract map of stable landmarks (IV-A)."""
 
     def __init__(self, config: Config, embedder: Embedder) -> None:
-        """Take the settings; in the background, the scene cloud has a thread of its own."""
+        """Take the settings; in the background, the scene cloud has a thread of its own.
+
+        Raises:
+            MissingBackendError: the extra ``nav`` is not installed; now, not when the run is over.
+        """
+        from seo_slam.abstraction.rooms import with_rooms
+
+        self._with_rooms = with_rooms
         self._config = config
         self._embedder = embedder
         self._scene = SceneCloudThread(config.layout)
 
     def see(self, frame: Frame, T_world_camera: FloatArray, keyframe: int) -> tuple[str, ...]:
         """Take a keyframe if the camera has moved enough; return warnings. Waits for nothing in the background."""
-        self._scene.add(frame.depth_m, frame.camera, T_world_camera, keyframe)
+        if frame.has_depth:
+            self._scene.add(frame.depth_m, frame.camera, T_world_camera, keyframe)
         return self._scene.take_warnings()
 
     def abstract(self, landmarks: Sequence[Landmark], poses: FloatArray, before: AbstractMap | None = None) -> AbstractMap:
@@ -52,18 +61,15 @@ class Abstraction:
         Args:
             landmarks: stable ones.
             poses: (T, 4, 4) of all keyframes as they are estimated now: the scene cloud moves with them.
-            before: that of a map which is continued; it is updated (IV-D).
-
-        Raises:
-            MissingBackendError: the extra ``nav`` is not installed.
+            before: that of a map which is continued; it is updated (IV-D), and its floor grows by what was seen now.
         """
-        from seo_slam.abstraction.rooms import with_rooms
-
         layout = self._scene.layout(dict(enumerate(poses)))
-        plain = abstract(landmarks, self._embedder, self._config.abstraction, layout)
-        layout, rooms = with_rooms(layout, plain.anchors, self._embedder, self._config.layout)
-        made = AbstractMap(plain.anchors, layout, rooms, plain.embedder)
-        return made if before is None else updated(before, made, self._config.abstraction)
+        made = abstract(landmarks, self._embedder, self._config.abstraction, layout)
+        if before is not None:
+            made = updated(before, made, self._config.abstraction)
+            layout = layout if before.layout is None else joined(before.layout, layout)
+        layout, rooms = self._with_rooms(layout, made.anchors, self._embedder, self._config.layout)
+        return AbstractMap(made.anchors, layout, rooms, made.embedder)
 
     def close(self) -> None:
         """End the thread."""

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, Literal, Self
 
-from pydantic import BaseModel, Field, ValidationError
+from pydantic import BaseModel, Field, ValidationError, model_validator
 
 from seo_slam.errors import ConfigError
 from seo_slam.settings.abstraction import AbstractionSettings
@@ -155,6 +155,13 @@ class Config(Settings):
     runner: RunnerSettings = RunnerSettings()
     edits: EditSettings = EditSettings()
     seed: int = Field(0, ge=0, description="of every part that draws random numbers")
+
+    @model_validator(mode="after")
+    def _clouds_are_kept_where_they_are_needed(self) -> Self:
+        if not self.clouds.enabled and (self.status.enabled or self.associator.name == "overlap"):
+            what = "status.enabled" if self.status.enabled else 'associator "overlap"'
+            raise ValueError(f"{what} needs clouds: set clouds.enabled, or take the preset dualmap")
+        return self
 
     @classmethod
     def preset(cls, name: str) -> Self:

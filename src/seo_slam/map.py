@@ -227,11 +227,15 @@ class Map:
         return tuple(QueryHit(named[i], float(scores[i])) for i in ranks)
 
     def with_embeddings(self, embedder: Embedder) -> Self:
-        """Return this map with the embedding of every landmark made, or made anew, for ``embedder``, and named after it."""
+        """Return this map with the embedding of every landmark made, or made anew, for ``embedder``, and named after it.
+
+        An abstract map whose features another embedder made is left out: they cannot be made anew.
+        """
         rows = list(self._by_id.values())
         vectors = self._embed(rows, embedder)
         filled = (replace(row, embedding=vector) for row, vector in zip(rows, vectors, strict=True))
-        return type(self)(filled, self._gravity, embedder.name, self._next_id, self._abstract)
+        abstract = self._abstract if self._abstract is not None and self._abstract.embedder == embedder.name else None
+        return type(self)(filled, self._gravity, embedder.name, self._next_id, abstract)
 
     def with_abstract(self, abstract_map: AbstractMap | None) -> Self:
         """Return this map with another abstract map, or with none."""

@@ -5,7 +5,7 @@ import numpy as np
 from seo_slam.abstraction.abstract_map import Layout
 from seo_slam.navigation.grid import NavigationGrid
 from seo_slam.navigation.looking import places_near
-from seo_slam.navigation.ways import Ways, with_seen_floor
+from seo_slam.navigation.ways import Ways
 
 
 def layout(corner, shape, floor=(), obstacles=(), walls=()):
@@ -17,18 +17,6 @@ def layout(corner, shape, floor=(), obstacles=(), walls=()):
 
 
 ALL = slice(None)
-
-
-def test_floor_and_obstacles_are_added_where_the_two_grids_meet():
-    known = layout((0.0, 0.0), (10, 20), floor=[(ALL, slice(0, 10))], obstacles=[(slice(0, 2), ALL)])
-    seen = layout((0.8, -0.3), (13, 30), floor=[(ALL, slice(0, 8))], obstacles=[(slice(8, 9), ALL)])
-    both = with_seen_floor(known, seen)
-    assert both.floor.shape == known.floor.shape
-    assert both.floor[5, :16].all()
-    assert not both.floor[5, 16:].any()
-    assert both.obstacles[0:2].all(), "what was an obstacle stays one"
-    assert both.obstacles[5, 8:].all()
-    assert not both.obstacles[5, :8].any()
 
 
 def test_ways_plan_anew_only_where_something_new_was_seen():

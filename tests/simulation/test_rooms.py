@@ -275,7 +275,8 @@ def test_rooms_of_meshes(shared: Path, room: str, seed: int) -> None:
 
 
 def test_tables_can_be_things_of_their_own():
-    plain, named = SimulatedRoom("SM1", 0, frames=2, changes=False), SimulatedRoom("SM1", 0, frames=2, changes=False, tables_are_things=True)
+    plain = SimulatedRoom("SM1", 0, frames=2, changes=False)
+    named = SimulatedRoom("SM1", 0, frames=2, changes=False, tables_are_things=True)
     known = {thing.id for thing in plain.scene.start.things}
     tables = [thing for thing in named.scene.start.things if thing.id not in known]
     assert tables

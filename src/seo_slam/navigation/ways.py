@@ -1,11 +1,12 @@
 """Ways to where something can be seen, and to right before it."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from seo_slam.abstraction.abstract_map import Anchor, Layout
+from seo_slam.abstraction.joined_layouts import joined
 from seo_slam.errors import NoPathError
 from seo_slam.geometry import FloatArray
 from seo_slam.navigation.looking import Eye, places_near, viewpoints
@@ -45,8 +46,8 @@ class Ways:
         """
         if self.plan is None or self.floor is None:
             return False
-        grown = with_seen_floor(self.floor, seen)
-        if not (grown.floor & ~self.floor.floor).any() and not (grown.obstacles & ~self.floor.obstacles).any():
+        grown = joined(self.floor, seen)
+        if all(getattr(grown, name).sum() == getattr(self.floor, name).sum() for name in ("floor", "obstacles", "walls")):
             return False
         self.floor = grown
         self.grid, self.far, self.near = self.plan(grown)
@@ -107,18 +108,6 @@ class Ways:
                 except NoPathError as error:
                     reason = reason or str(error)
         raise NoPathError(reason)
-
-
-def with_seen_floor(known: Layout, seen: Layout) -> Layout:
-    """Return a layout with the floor and the obstacles of another one, which may have a grid of its own, added to its own."""
-    middles = known.middles(np.argwhere(np.ones_like(known.floor)))
-    cells = seen.cells(middles)
-    inside = ((cells >= 0) & (cells < seen.floor.shape)).all(axis=-1)
-    floor, obstacles = (np.zeros(len(cells), dtype=np.bool_) for _ in range(2))
-    at = tuple(cells[inside].T)
-    floor[inside], obstacles[inside] = seen.floor[at], (seen.obstacles | seen.walls)[at]
-    shape = known.floor.shape
-    return replace(known, floor=known.floor | floor.reshape(shape), obstacles=known.obstacles | obstacles.reshape(shape))
 
 
 def _grown(box: tuple[FloatArray, FloatArray] | None) -> tuple[FloatArray, FloatArray] | None:

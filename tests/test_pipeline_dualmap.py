@@ -1,0 +1,104 @@
+"""DualMap's preset in the pipeline: clouds, words, lost frames, continued maps, and the abstract map that comes with the result."""
+
+import sys
+
+import numpy as np
+import pytest
+from two_boxes import LEFT, RIGHT, Standing, frames, mapped, pipeline
+
+from seo_slam.backends.hashed_embedder import HashedEmbedder
+from seo_slam.errors import MissingBackendError
+from seo_slam.map import Map
+
+
+def both(index):  # noqa: ARG001
+    return [("table", LEFT), ("cup", RIGHT)]
+
+
+def by_label(made):
+    return {row.label: row for row in made.landmarks}
+
+
+@pytest.mark.parametrize("preset", ["dualmap", "dualmap_estimated_poses"])
+def test_two_things_with_clouds_where_they_are(preset):
+    made = by_label(mapped(pipeline(both, preset=preset)))
+    assert sorted(made) == ["cup", "table"]
+    np.testing.assert_allclose(made["table"].position_m, [-0.6, 1.5, 1.2], atol=0.03)
+    np.testing.assert_allclose(made["cup"].position_m, [0.6, 1.5, 1.2], atol=0.03)
+    assert len(made["cup"].cloud_world) > 300
+    assert made["cup"].size_m[0] == pytest.approx(0.6, abs=0.05)
+
+
+def test_the_result_has_an_abstract_map_and_a_snapshot_has_none():
+    running = pipeline(both)
+    made = mapped(running)
+    assert [anchor.label for anchor in made.abstract.anchors] == ["table"]
+    assert made.abstract.layout.floor.any()
+    assert running.snapshot().abstract is None
+    assert mapped(pipeline(both, "layout.enabled=false")).abstract is None
+
+
+def test_seeing_the_same_again_costs_no_memory():
+    running = pipeline(both)
+    points = []
+    for frame in frames(60):
+        running.step(frame)
+        points.append(sum(len(row.cloud_world) for row in running.snapshot().landmarks))
+    assert points[20] == points[-1] > 0
+
+
+def test_lost_frames_leave_the_clouds_as_they_are():
+    steady = by_label(mapped(pipeline(both), 30))
+    lost = by_label(mapped(pipeline(both, odometry=Standing(lost=range(20, 30), drift_m=0.05)), 30))
+    np.testing.assert_allclose(lost["cup"].size_m, steady["cup"].size_m, atol=1e-6)
+    assert len(lost["cup"].cloud_world) == len(steady["cup"].cloud_world)
+
+
+def test_a_continued_map_goes_on_whatever_it_was_called():
+    made = mapped(pipeline(lambda i: [("cup" if i % 5 else "mug", LEFT)]), 20)
+    again = pipeline(lambda i: [("bowl", RIGHT)], map=made)
+    grown = mapped(again, 30)  # the cup is not in view: it is checked all the same
+    assert sorted(by_label(grown)) == ["bowl", "cup"]
+    assert by_label(grown)["cup"].observations == by_label(made)["cup"].observations
+    np.testing.assert_allclose(by_label(grown)["cup"].position_m, by_label(made)["cup"].position_m, atol=0.01)
+
+
+def test_a_continued_map_finds_its_things_again():
+    made = mapped(pipeline(both))
+    again = mapped(pipeline(both, map=made))
+    assert [(row.id, row.label) for row in again.landmarks] == [(row.id, row.label) for row in made.landmarks]
+    assert by_label(again)["cup"].observations == 2 * by_label(made)["cup"].observations
+
+
+def test_a_continued_map_without_its_clouds_makes_no_doubles(tmp_path):
+    mapped(pipeline(both)).save(tmp_path)
+    (tmp_path / "clouds.ply").unlink()
+    again = mapped(pipeline(both, map=Map.load(tmp_path)))
+    assert sorted(row.label for row in again.landmarks) == ["cup", "table"]
+
+
+def test_the_floor_of_a_continued_map_grows():
+    made = mapped(pipeline(both))
+    grown = mapped(pipeline(both, odometry=Standing(at_x_m=20.0), map=made))
+    assert len(grown.abstract.anchors) == 2
+    before, after = made.abstract.layout, grown.abstract.layout
+    assert after.floor.sum() > 1.5 * before.floor.sum()
+    rows = after.cells(np.array([anchor.xy_world for anchor in grown.abstract.anchors]))
+    assert ((rows >= 0) & (rows < after.floor.shape)).all()
+
+
+def test_with_another_embedder_the_abstract_map_is_made_anew():
+    class Other(HashedEmbedder):
+        name = "other"
+
+    made = mapped(pipeline(both))
+    assert made.with_embeddings(Other(size=16)).abstract is None
+    assert mapped(pipeline(both, embedder=Other(size=16), map=made)).abstract.embedder == "other"
+
+
+def test_without_the_extra_it_says_so_before_anything_is_mapped(monkeypatch):
+    monkeypatch.setitem(sys.modules, "skimage.segmentation", None)
+    monkeypatch.delitem(sys.modules, "seo_slam.abstraction.rooms", raising=False)
+    with pytest.raises(MissingBackendError, match=r"seo-slam\[nav\]"):
+        pipeline(both)
+    assert mapped(pipeline(both, "layout.enabled=false"), 3).abstract is None
