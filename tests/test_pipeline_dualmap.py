@@ -4,14 +4,14 @@ import sys
 
 import numpy as np
 import pytest
-from two_boxes import LEFT, RIGHT, Standing, frames, mapped, pipeline
 
 from seo_slam.backends.hashed_embedder import HashedEmbedder
 from seo_slam.errors import MissingBackendError
 from seo_slam.map import Map
+from two_boxes import LEFT, RIGHT, Standing, frames, mapped, pipeline
 
 
-def both(index):  # noqa: ARG001
+def both(index):
     return [("table", LEFT), ("cup", RIGHT)]
 
 

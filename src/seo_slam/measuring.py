@@ -22,7 +22,8 @@ class Measuring:
         self._config = config
         self._parts = parts
         self._clock = clock
-        self._features = ObservationFeatures(config.features, parts.embedder)
+        known = config.features.classes or tuple(getattr(parts.detector, "classes", None) or ())  # a class list that the detector has
+        self._features = ObservationFeatures(config.features.model_copy(update={"classes": known}), parts.embedder)
         self._is_warm = False
 
     def measure(self, frame: Frame, warnings: list[str]) -> tuple[Detections, Observations]:

@@ -140,7 +140,9 @@ class Pipeline:
 
     @classmethod
     def from_preset(cls, name: str, **parts: Any) -> Self:
-        """Compose a preset: "seo_slam" is the default, "seo_slam_paper_gate" the paper's fixed cosine, "nearest" the baseline."""
+        """Compose a preset: "seo_slam" is the default, "seo_slam_paper_gate" the paper's fixed cosine, "nearest" the baseline, "dualmap"
+        keeps clouds and an abstract map.
+        """
         return cls(Config.preset(name), **parts)
 
     @classmethod
