@@ -33,6 +33,7 @@ ORDER = (
     "simulation",
     "map_document",
     "map_clouds",
+    "map_features",
     "map",
     "map_export",
     "undo",

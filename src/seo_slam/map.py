@@ -25,6 +25,7 @@ from seo_slam.map_document import (
     read_document,
     write_atomically,
 )
+from seo_slam.map_features import FEATURES_FILE, read_features, write_features
 from seo_slam.mapping.nearby import rows_within
 from seo_slam.types import Landmark
 
@@ -110,12 +111,26 @@ class Map:
         rows = [landmark_from(row) for row in (*document.landmarks, *document.tentative)]
         abstract = None if document.abstract is None else abstract_map_from(document.abstract)
         loaded = cls(rows, document.gravity, document.embedder, document.next_id, abstract)
-        clouds, store = path.with_name(CLOUDS_FILE), path.with_name(STORE_FILE)
+        clouds, features, store = (path.with_name(name) for name in (CLOUDS_FILE, FEATURES_FILE, STORE_FILE))
         loaded = loaded._with_clouds(read_clouds(clouds)) if clouds.is_file() else loaded
+        loaded = loaded._with_features(features) if features.is_file() else loaded
         return loaded._with_stored_embeddings(store) if store.is_file() else loaded
 
     def _with_clouds(self, clouds: Mapping[int, FloatArray]) -> Self:
         rows = [replace(row, cloud_world=clouds[row.id]) if row.id in clouds else row for row in self._by_id.values()]
+        return type(self)(rows, self._gravity, self._embedder, self._next_id, self._abstract)
+
+    def _with_features(self, path: Path) -> Self:
+        """Take vectors that the map's embedder made; the map is of use without them, so nothing here fails."""
+        try:
+            embedder, features = read_features(path)
+        except MapFormatError as error:
+            _log.warning("%s; landmarks are known by their words only, those without words by nothing", error)
+            return self
+        if embedder != self._embedder:
+            _log.warning("%s: features of %r, the map is of %r; they are left out", path, embedder, self._embedder)
+            return self
+        rows = [replace(row, embedding=features[row.id]) if row.id in features else row for row in self._by_id.values()]
         return type(self)(rows, self._gravity, self._embedder, self._next_id, self._abstract)
 
     @classmethod
@@ -244,16 +259,19 @@ class Map:
     def save(self, folder: str | Path) -> Path:
         """Write ``map.json`` into a folder (made if missing) and return its path; at no moment is a half-written file there.
 
-        The points of landmarks, where they are kept, go into ``clouds.ply`` beside it.
+        The points of landmarks, where they are kept, go into ``clouds.ply`` beside it, and what they look like into ``features.npz``.
 
         Raises:
             MapError: the folder cannot be written, or a landmark holds NaN or a covariance that is none.
         """
-        path, clouds_path = Path(folder) / MAP_FILE, Path(folder) / CLOUDS_FILE
+        path, clouds_path, features_path = (Path(folder) / name for name in (MAP_FILE, CLOUDS_FILE, FEATURES_FILE))
         clouds = {row.id: row.cloud_world for row in self._by_id.values() if len(row.cloud_world)}
+        features = {row.id: row.embedding for row in self._by_id.values() if clouds and row.embedding.any()}
         document = self.to_json()
         if clouds or clouds_path.is_file():  # those of an older map must not stay
             write_clouds(clouds_path, clouds)
+        if features or features_path.is_file():
+            write_features(features_path, self._embedder, features)
         write_atomically(path, document)
         return path
 

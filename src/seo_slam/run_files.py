@@ -18,6 +18,7 @@ RUN_SCHEMA = "seo_slam.run/1"
 RESULT_FILES = (
     "map.json",
     "clouds.ply",
+    "features.npz",
     "map.db",
     "map.db-wal",
     "map.db-shm",
