@@ -69,11 +69,12 @@ def read_clouds(path: Path) -> dict[int, FloatArray]:
     if lacking:
         raise MapFormatError(f"{path}: vertices have no {', '.join(lacking)}; wanted x, y, z and landmark")
     ids = ply.vertices["landmark"]
-    points = np.column_stack([ply.vertices[axis].astype(np.float64) for axis in "xyz"])
+    bad = ~np.logical_and.reduce([np.isfinite(ply.vertices[axis]) for axis in "xyz"])
     if ids.dtype.kind not in "iu" or (ids < 0).any():
         raise MapFormatError(f"{path}: 'landmark' must be whole numbers from 0 on")
-    if not np.isfinite(points).all():
-        raise MapFormatError(f"{path}: point {int(np.flatnonzero(~np.isfinite(points).all(axis=1))[0])} is not finite")
+    if bad.any():
+        raise MapFormatError(f"{path}: point {int(np.argmax(bad))} is not finite")
+    points = np.column_stack([ply.vertices[axis].astype(np.float64) for axis in "xyz"])  # only now: casting some NaN warns
     rows = np.zeros(len(ids), dtype=_ROW)
     for name in _ROW.names or ():
         rows[name] = ply.vertices[name]
