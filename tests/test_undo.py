@@ -4,6 +4,7 @@ import json
 import sqlite3
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from seo_slam.abstraction.abstract_map import AbstractMap
@@ -179,6 +180,62 @@ def test_what_was_seen_since_a_merge_counts_for_the_one_that_stayed(desk):
     assert rows_of(folder)[3].observations == 4
 
 
+def with_clouds(desk):
+    """Two merged landmarks a metre apart and one that nothing happened to, with the points of their surfaces; as a run leaves them."""
+    places = {i: row.position_m for i, row in desk.now.items()}
+    near = np.array([[0.0, 0.0, 0.0], [0.03, 0.0, 0.0], [0.08, 0.0, 0.0]])  # the box ends at 0.04 m
+    between = (places[1] + places[3]) / 2.0
+    desk.merge(3, 1)
+    desk.now[1] = replace(desk.now[1], cloud_world=np.vstack([places[1] + near, places[3] - near, between]))
+    desk.now[0] = replace(desk.now[0], cloud_world=places[0] + 5.0 * near)
+    return {1: places[1] + near, 3: places[3] - near, 0: places[0] + 5.0 * near}
+
+
+def require_clouds(folder, clouds):
+    rows = rows_of(folder)
+    for landmark_id in rows:
+        expected = clouds.get(landmark_id, np.zeros((0, 3)))
+        np.testing.assert_allclose(rows[landmark_id].cloud_world, expected, atol=1e-6)
+
+
+def test_merged_landmarks_get_the_points_in_their_own_boxes_back(desk):
+    clouds = with_clouds(desk)
+    folder = desk.save()
+    undo_edit(folder, 1)
+    require_agreement(folder)
+    require_clouds(folder, clouds)
+
+
+def test_a_renamed_landmark_keeps_all_its_points_and_a_removed_one_has_none(desk):
+    desk.relabel(1)
+    desk.remove(2)
+    cloud_world = desk.now[1].position_m + np.array([[0.0, 0.0, 0.0], [0.5, 0.0, 0.0]])
+    desk.now[1] = replace(desk.now[1], cloud_world=cloud_world)
+    folder = desk.save()
+    undo_edit(folder, 2)
+    undo_edit(folder, 1)
+    require_clouds(folder, {1: cloud_world})
+
+
+@pytest.mark.parametrize("file", ["map", "map_clouds"])
+def test_points_are_parted_too_when_asking_again_after_a_kill(desk, monkeypatch, file):
+    clouds = with_clouds(desk)
+    folder = desk.save()
+
+    def killed(path, data):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patched:
+        patched.setattr(f"seo_slam.{file}.write_atomically", killed)
+        with pytest.raises(KeyboardInterrupt):
+            undo_edit(folder, 1)
+    for _ in range(2):
+        with pytest.raises(MapError, match="undone already, by edit 2"):
+            undo_edit(folder, 1)
+        require_agreement(folder)
+        require_clouds(folder, clouds)
+
+
 def test_untouched_landmarks_keep_the_finer_figures_of_map_json(desk):
     desk.relabel(1)
     desk.now[0] = replace(desk.now[0], position_m=desk.now[0].position_m + 0.009)  # as a run leaves them: map.db may lag
@@ -337,7 +394,7 @@ def test_killed_between_the_two_files_it_is_finished_by_asking_again(desk, monke
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patched:
-        patched.setattr("seo_slam.undo.write_atomically", killed)
+        patched.setattr("seo_slam.map.write_atomically", killed)
         with pytest.raises(KeyboardInterrupt):
             undo_edit(folder, 1)
     assert rows_of(folder / "map.json")[1].label == "green hiking boot"

@@ -2,6 +2,7 @@
 
 ``map.db`` is changed first, in one transaction, then ``map.json`` is replaced by one of the same state. A process killed between the two
 leaves a ``map.json`` that still has the edit; asking for the same undo again says that it is done and brings ``map.json`` up to date.
+``clouds.ply`` and ``features.npz`` are written with ``map.json``; of two that were merged, each gets the points in its own box.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -13,14 +14,17 @@ import numpy as np
 
 from seo_slam import registry
 from seo_slam.errors import MapError
+from seo_slam.geometry import FloatArray
 from seo_slam.map import MAP_FILE, STORE_FILE, Map
-from seo_slam.map_document import write_atomically
+from seo_slam.map_clouds import CLOUDS_FILE, read_clouds
 from seo_slam.records import Amendment, EditRecord, MapEvent
-from seo_slam.types import Landmark
+from seo_slam.types import BoolArray, Landmark
 
 UNDOABLE = ("relabel", "remove", "merge")
 USER = "user"
 """Who undoes, in the history."""
+
+_BOX_GROWN_M = 0.05  # a point so near to the box of a landmark is of the landmark: boxes are rounded, and noise blurs edges
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +64,8 @@ def undo_edit(folder: str | Path, number: int) -> EditRecord:
     """Take one edit back, in map.db and map.json; landmark ids stay as they were.
 
     A landmark that was renamed gets its label, category and label weights back; one that was removed comes back as it was; of two that were
-    merged, the one that went comes back as it was, and the other is again what it was, but for how often and when it was seen since.
+    merged, the one that went comes back as it was, and the other is again what it was, but for how often and when it was seen since. Points
+    of its surface (``clouds.ply``) a removed landmark has none any more; of two that were merged, each has those in its box.
 
     Args:
         folder: of a result that no run is writing; or its map.json or map.db.
@@ -83,7 +88,7 @@ def undo_edit(folder: str | Path, number: int) -> EditRecord:
         _require_nothing_later(edits, number)
         edit = edits[number - 1]
         _require_map_as_left(edit, number, by_id, store)
-        restored = _restored(edit, by_id)
+        restored = _parted(edit, _restored(edit, by_id))
         record = _record(edit, number, store, [by_id[row.id] for row in restored if row.id in by_id])
         if edit.kind == "remove" and (twins := _mapped_again(restored[0], now.landmarks)):
             record = replace(record, detail=f"{record.detail}; {_warning(twins)}")
@@ -119,11 +124,13 @@ def _map_now(files: _Files) -> Map:
     kept = Map.load(files.store)
     if files.document is None:
         return kept
-    written = Map.load(files.document)
+    written, clouds_path = Map.load(files.document), files.document.with_name(CLOUDS_FILE)
+    clouds = read_clouds(clouds_path) if clouds_path.is_file() else {}
     finer = {row.id: row for row in (*written.landmarks, *written.tentative)}
     rows = []
     for row in (*kept.landmarks, *kept.tentative):
         other = finer.get(row.id)
+        row = replace(row, cloud_world=clouds.get(row.id, row.cloud_world))
         rows.append(replace(other, embedding=row.embedding) if other is not None and _state_of(other) == _state_of(row) else row)
     return Map(rows, written.gravity, written.embedder, max(written.next_id, kept.next_id), written.abstract)
 
@@ -134,9 +141,7 @@ def _state_of(row: Landmark) -> tuple[Any, ...]:
 
 def _write(files: _Files, state: Map) -> None:
     if files.document is not None:
-        data = state.to_json()
-        if data != files.document.read_bytes():
-            write_atomically(files.document, data)
+        state.save(files.document.parent)
 
 
 def _require_undoable(edits: Sequence[EditRecord], number: int, files: _Files, now: Map) -> None:
@@ -145,7 +150,7 @@ def _require_undoable(edits: Sequence[EditRecord], number: int, files: _Files, n
         raise MapError(f"{files.store}: no edit {number}; {there} kept")
     edit, undo = edits[number - 1], undone_by(edits).get(number)
     if undo is not None:
-        _write(files, now)  # a process may have been killed before it came to that
+        _write(files, _caught_up(edit, now))  # a process may have been killed before it came to that
         raise MapError(f"edit {number} was undone already, by edit {undo}")
     if edit.kind == "undo":
         raise MapError(f"edit {number} is itself an undo, of edit {edit.other_id}; that cannot be undone")
@@ -212,6 +217,28 @@ def _restored(edit: EditRecord, by_id: Mapping[int, Landmark]) -> list[Landmark]
     return restored
 
 
+def _parted(edit: EditRecord, rows: Sequence[Landmark]) -> list[Landmark]:
+    """The landmarks of an edit; of two that were merged, each with those points of the merged one that lie in its own box."""
+    merged = [row for row in rows if row.id == edit.other_id]
+    if edit.kind != "merge" or not merged:
+        return list(rows)
+    p_world = merged[0].cloud_world
+    return [replace(row, cloud_world=p_world[_in_box(row, p_world)]) for row in rows]
+
+
+def _in_box(row: Landmark, p_world: FloatArray) -> BoolArray:
+    return np.asarray((np.abs(p_world - row.position_m) <= 0.5 * row.size_m + _BOX_GROWN_M).all(axis=1))
+
+
+def _caught_up(edit: EditRecord, now: Map) -> Map:
+    """The map after an undo that may not have come to the files beside map.db."""
+    by_id = {row.id: row for row in (*now.landmarks, *now.tentative)}
+    back, stays = by_id.get(edit.landmark_id), by_id.get(-1 if edit.other_id is None else edit.other_id)
+    if back is not None and stays is not None and not len(back.cloud_world):
+        by_id.update({row.id: row for row in _parted(edit, (back, stays))})
+    return Map(by_id.values(), now.gravity, now.embedder, now.next_id, now.abstract)
+
+
 def _mapped_again(back: Landmark, stable: Iterable[Landmark]) -> list[int]:
     """Ids of stable landmarks within the extent of one that comes back, of the same label or category: most likely the same thing."""
     words = {back.label, back.category} - {""}
@@ -231,7 +258,8 @@ def _split(was: Landmark, back: Landmark, now: Landmark) -> Landmark:
     """The landmark that stayed, without the one that comes back; what was seen since the merge counts for it."""
     since = max(now.observations - was.observations - back.observations, 0)
     seen = replace(was, last_seen_s=now.last_seen_s, state=now.state, existence=now.existence) if since else was
-    return replace(seen, observations=was.observations + since, version=max(now.version, was.version) + 1)
+    version = max(now.version, was.version) + 1
+    return replace(seen, observations=was.observations + since, version=version, cloud_world=now.cloud_world)
 
 
 def _record(edit: EditRecord, number: int, store: Any, before: Iterable[Landmark]) -> EditRecord:
