@@ -27,17 +27,24 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import numpy as np
 
-from seo_slam import Config, Map, Pipeline, RecordedOdometry, SimulatedApartment, registry
+from seo_slam import (
+    Config,
+    HybridDetector,
+    Map,
+    Navigator,
+    Pipeline,
+    RecordedOdometry,
+    SimulatedApartment,
+    SimulatedImageEncoder,
+    SimulatedRobot,
+    SimulatedSegmenter,
+    registry,
+)
 from seo_slam.abstraction.describing import describe
 from seo_slam.driving.errand import errand, moves_in_words
 from seo_slam.driving.judging import judged_stop
-from seo_slam.driving.robot import SimulatedRobot
-from seo_slam.navigation.navigator import Navigator
 from seo_slam.navigation.query import candidates
-from seo_slam.perception.hybrid import HybridDetector
 from seo_slam.report.navigation_svg import Search, navigation_svg
-from seo_slam.simulation.image_encoder import SimulatedImageEncoder
-from seo_slam.simulation.segments import SimulatedSegmenter
 
 folder = Path(tempfile.mkdtemp())
 
