@@ -11,11 +11,11 @@ from seo_slam.abstraction.relations import Body, Carrier, best_relation
 from seo_slam.errors import MapError
 from seo_slam.geometry import FloatArray
 from seo_slam.interfaces import Embedder
+from seo_slam.perception.cloud import box_surface
 from seo_slam.settings.abstraction import AbstractionSettings
 from seo_slam.types import Landmark
 
 _BOX_STEP_M = 0.05
-_MOST_STEPS = 60
 
 
 def abstract(
@@ -91,14 +91,7 @@ def _cloud(row: Landmark) -> FloatArray:
     p_world = np.asarray(row.cloud_world, dtype=np.float64).reshape(-1, 3)
     position_m, size_m = np.asarray(row.position_m, dtype=np.float64), np.asarray(row.size_m, dtype=np.float64)
     if not len(p_world) and np.isfinite(size_m).all():
-        p_world = position_m + _box_surface(size_m)
+        p_world = position_m + box_surface(size_m, _BOX_STEP_M)
     if not len(p_world) or not np.isfinite(p_world).all():
         raise MapError(f"abstract map: landmark {row.id} is at no finite place")
     return p_world
-
-
-def _box_surface(size_m: FloatArray) -> FloatArray:
-    """Points (N, 3) on a box around the origin."""
-    steps = np.clip(np.ceil(size_m / _BOX_STEP_M), 1, _MOST_STEPS).astype(np.int64)
-    grid = np.stack(np.meshgrid(*(np.linspace(-0.5, 0.5, n + 1) for n in steps), indexing="ij"), axis=-1).reshape(-1, 3)
-    return np.asarray(grid[np.abs(grid).max(axis=1) >= 0.5 - 1e-9] * size_m)

@@ -1,14 +1,14 @@
 """A landmark's list of observations: under which word, in which keyframe, with which points and feature (O of DualMap III-B)."""
 
 from collections import Counter
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Self
 
 import numpy as np
 
 from seo_slam.geometry import FloatArray, inverse, transform_points
 from seo_slam.mapping.keyframed_cloud import KeyframedCloud
-from seo_slam.perception.cloud import Cloud
+from seo_slam.perception.cloud import Cloud, box_surface
 from seo_slam.perception.voxels import cell_order, voxel_cells
 from seo_slam.settings.observing import CloudSettings
 from seo_slam.types import IntArray, Landmark
@@ -18,6 +18,8 @@ NULL = ""
 
 RESTORED = -1
 """Keyframe of an observation that was made before this run: the smoother holds no measurement of it."""
+
+_NO_POINTS = Cloud(np.zeros((0, 3)))
 
 
 class ObservationRecord:
@@ -36,20 +38,23 @@ class ObservationRecord:
         self._clouds: dict[str, KeyframedCloud] = {}
         self._features: dict[str, FloatArray] = {}
         self._parts: list[Cloud] = []
-        self._whole = Cloud(np.zeros((0, 3)))
+        self._whole = _NO_POINTS
 
     @classmethod
     def restored(cls, landmark: Landmark, settings: CloudSettings, T_world_camera: FloatArray) -> Self:
-        """Take over a landmark of a map that is continued; its points are tied to the first keyframe, at ``T_world_camera``."""
+        """Take over a landmark of a map that is continued; its points are tied to the first keyframe, at ``T_world_camera``.
+
+        Each of its words gets its share of the observations and the look of the whole; the first one gets the points. What has none (a
+        run that was killed leaves no clouds) is taken for its box.
+        """
         record = cls(settings)
-        named = [(word, round(share * landmark.observations)) for word, share in landmark.labels.items()]
-        words = [word for word, times in named for _ in range(times)] or [NULL] * landmark.observations
-        record.words, record.keyframes = words, [RESTORED] * len(words)
-        if words:
-            record._features[words[0]] = landmark.embedding * len(words)
-            record._clouds[words[0]] = record._empty()
-            p_camera = transform_points(inverse(T_world_camera), landmark.cloud_world.astype(np.float64))
-            record._clouds[words[0]].add(0, p_camera, T_world_camera[None])
+        counts = _counts_of(landmark.labels, landmark.observations) or {NULL: landmark.observations}
+        record.words = [word for word, times in counts.items() for _ in range(times)]
+        record.keyframes = [RESTORED] * len(record.words)
+        for word, times in counts.items():  # which of its words looked how, and stood where, is not known any more
+            record._features[word], record._clouds[word] = landmark.embedding * times, record._empty()
+        p_camera = transform_points(inverse(T_world_camera), _points_of(landmark, settings.voxel_m))
+        record._clouds[next(iter(counts))].add(0, p_camera, T_world_camera[None])
         return record
 
     def __len__(self) -> int:
@@ -119,9 +124,9 @@ class ObservationRecord:
 
     def cloud(self, poses: FloatArray) -> Cloud:
         """The points of all observations, world frame; the same object until they change."""
-        parts = [cloud.world(poses) for cloud in self._clouds.values()]
-        if len(parts) == 1:
-            return parts[0]
+        parts = [cloud.world(poses) for cloud in self._clouds.values() if len(cloud)]
+        if len(parts) <= 1:
+            return parts[0] if parts else _NO_POINTS
         if len(parts) != len(self._parts) or any(new is not old for new, old in zip(parts, self._parts, strict=True)):
             self._parts, self._whole = parts, Cloud(_one_a_voxel(parts, self._settings.voxel_m))
         return self._whole
@@ -175,6 +180,27 @@ class ObservationRecord:
     def nbytes(self) -> int:
         """Memory of the points."""
         return sum(cloud.nbytes for cloud in self._clouds.values())
+
+
+def _counts_of(shares: Mapping[str, float], observations: int) -> dict[str, int]:
+    """Word -> how many of the observations are of it, only words with one; they add up (by largest remainders)."""
+    share = np.array(list(shares.values()), dtype=np.float64)
+    if not share.sum() > 0:
+        return {}
+    exact = share / share.sum() * observations
+    times = np.floor(exact).astype(np.int64)
+    rest = observations - int(times.sum())
+    times[np.argsort(times - exact, kind="stable")[:rest]] += 1
+    return {word: int(n) for word, n in zip(shares, times, strict=True) if n}
+
+
+def _points_of(landmark: Landmark, step_m: float) -> FloatArray:
+    """The cloud (N, 3) of a landmark, world frame; points on its box where it has none."""
+    p_world = np.asarray(landmark.cloud_world, dtype=np.float64).reshape(-1, 3)
+    box_m = np.concatenate([landmark.position_m, landmark.size_m])
+    if len(p_world) or not np.isfinite(box_m).all():
+        return p_world
+    return landmark.position_m + box_surface(landmark.size_m, step_m)
 
 
 def _one_a_voxel(parts: Sequence[Cloud], voxel_m: float) -> FloatArray:

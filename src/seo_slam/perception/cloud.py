@@ -43,6 +43,17 @@ class Cloud:
         return cKDTree(self.p_world)
 
 
+MOST_STEPS = 60
+"""A side of a box is cut into no more steps than that."""
+
+
+def box_surface(size_m: FloatArray, step_m: float) -> FloatArray:
+    """Points (N, 3) on a box around the origin, no farther apart than ``step_m`` unless that takes more than ``MOST_STEPS`` a side."""
+    steps = np.clip(np.ceil(size_m / step_m), 1, MOST_STEPS).astype(np.int64)
+    grid = np.stack(np.meshgrid(*(np.linspace(-0.5, 0.5, n + 1) for n in steps), indexing="ij"), axis=-1).reshape(-1, 3)
+    return np.asarray(grid[np.abs(grid).max(axis=1) >= 0.5 - 1e-9] * size_m)
+
+
 def bounds_of(p_m: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Low and high corner (3,) of the box of points (M, 3); NaN if there are none."""
     if not len(p_m):
