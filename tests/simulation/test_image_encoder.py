@@ -12,7 +12,10 @@ from seo_slam.simulation.box_pictures import PictureFrame, structure_words
 from seo_slam.simulation.detector import View
 from seo_slam.simulation.image_encoder import SimulatedImageEncoder
 from seo_slam.simulation.recording import SimulatedDesk
+from seo_slam.simulation.renderer import Rendered
+from seo_slam.simulation.world import Thing, World
 from seo_slam.testing import check_embedder
+from seo_slam.types import Frame
 
 WORDS = HashedEmbedder(256)
 
@@ -77,6 +80,42 @@ def test_angles_are_as_stated():
     assert [angle_deg(word, row) for row in seen[1]] == pytest.approx([30.0, 30.0])
     assert angle_deg(*seen[1]) > 15.0
     assert np.linalg.norm(seen[2], axis=1) == pytest.approx([1.0, 1.0])
+
+
+def side_by_side(encoder, *models):
+    """(N, D) what encoder makes of things that stand beside each other, over thirty frames; a model is the word and a letter."""
+    base = desk().world
+    parts = base.things[0].parts
+    things = tuple(Thing(i, model.split()[0], parts, np.eye(4), model=model) for i, model in enumerate(models, 1))
+    world, camera = World(things, base.structure, base.light, base.gaze_world), desk().camera
+    ids = np.repeat(np.arange(1, len(things) + 1), camera.width // len(things))[None].repeat(camera.height, axis=0).astype(np.int32)
+    ids = np.pad(ids, ((0, 0), (0, camera.width - ids.shape[1])))
+    drawn_view = Rendered(np.zeros((*ids.shape, 3), np.uint8), np.ones(ids.shape, np.float32), ids)
+    wide = camera.width // len(things)
+    boxes_px = np.array([[i * wide, 0.0, (i + 1) * wide, camera.height] for i in range(len(things))])
+    rows = []
+    for index in range(30):
+        encoder.show(float(index), View(index, world, camera, np.eye(4), drawn_view))
+        rows.append(encoder.embed_crops(Frame(float(index), drawn_view.rgb, drawn_view.depth_m, camera, index), boxes_px))
+    means = np.mean(rows, axis=0)
+    return means / np.linalg.norm(means, axis=1, keepdims=True)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_copies_look_alike_and_other_models_less(seed):
+    one, copy, other, bowl = side_by_side(SimulatedImageEncoder(WORDS, seed), "mug a", "mug a", "mug b", "bowl c")
+    assert 0.85 < one @ copy < 0.999
+    assert one @ other < one @ copy - 0.1
+    assert one @ bowl < one @ copy - 0.1
+
+
+def test_things_without_a_model_look_like_those_of_their_label():
+    recording = desk()
+    view = PictureFrame.of(View(1, recording.world, recording.camera, np.eye(4), recording.rendered(1)))
+    found = [seen[0] for seen in view.in_boxes(recording.detector.detect(recording.frame(1)).boxes_px)]
+    models = {thing.label: thing.model for thing in recording.world.things}
+    assert not any(models.values())
+    assert {part.look for part in found} == {part.word for part in found}
 
 
 def test_two_things_in_one_box_mix():

@@ -28,16 +28,18 @@ class InBox:
 
     Attributes:
         name: of the thing, different for each; structure of one kind shares one.
+        look: what things that look alike share: the name of the model they are copies of; of things without one, and structure: the word.
         word: what it is.
         weight: how much of the box it fills, its middle counting most.
     """
 
     name: str
+    look: str
     word: str
     weight: float
 
 
-_NOTHING = InBox("wall", "wall", 1.0)
+_NOTHING = InBox("wall", "wall", "wall", 1.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,14 +92,15 @@ class PictureFrame:
         return tuple(sorted((part for part in parts if part.weight >= SECOND * heaviest), key=lambda part: -part.weight)) or (_NOTHING,)
 
     def _thing(self, thing_id: int, weight: float) -> InBox:
-        return InBox(f"thing {thing_id}", self.world.thing(thing_id).label, weight)
+        thing = self.world.thing(thing_id)
+        return InBox(f"thing {thing_id}", thing.model or thing.label, thing.label, weight)
 
     def _structure(self, v: NDArray[np.int64], u: NDArray[np.int64], weights: FloatArray) -> list[InBox]:
         """What the pixels of structure are, by where they are; those that see nothing count for nothing."""
         names, image = self._structure_image
         found = image[v[:, None] // _DEPTH_STEP_PX, u[None, :] // _DEPTH_STEP_PX]
         filled = np.bincount(found.ravel(), weights=weights.ravel(), minlength=len(names) + 1)[:-1]
-        return [InBox(names[k], names[k], float(filled[k])) for k in np.flatnonzero(filled)]
+        return [InBox(names[k], names[k], names[k], float(filled[k])) for k in np.flatnonzero(filled)]
 
     @cached_property
     def _structure_image(self) -> tuple[list[str], NDArray[np.int64]]:
