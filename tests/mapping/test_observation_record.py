@@ -1,17 +1,22 @@
 """A landmark's list of observations: counted, parted, joined, and taken over from a map that is continued."""
 
+from collections import Counter
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
-from seo_slam.mapping.observation_record import NULL, ObservationRecord
+from seo_slam.mapping.observation_record import NULL, RESTORED, ObservationRecord
 from seo_slam.settings.observing import CloudSettings
 from seo_slam.testing.store import make_landmark
 from seo_slam.testing.worlds import T_WORLD_FIRST
 
 SETTINGS = CloudSettings(enabled=True)
 POSES = T_WORLD_FIRST[None]
+WORDS = (NULL, "bowl", "cup", "mug")
 POINTS = np.array([0.0, 0.0, 1.0]) + np.random.default_rng(5).uniform(-0.05, 0.05, (200, 3))
 
 
@@ -66,3 +71,77 @@ def test_a_restored_list_can_be_parted_by_any_of_its_words():
     assert (len(record.cloud(POSES)), record.nbytes) == (0, 0)
     record.absorb(rest, POSES)
     assert len(record.cloud(POSES)) == len(rest.cloud(POSES)) > 0
+
+
+def counted(record):
+    """What a list of observations says of itself, by reading all of it."""
+    named = sum(word != NULL for word in record.words) / max(len(record), 1)
+    most = max((n for word, n in Counter(record.words).items() if word != NULL), default=0)
+    nameless = record.words.count(NULL) > most and named < SETTINGS.named_share
+    return dict(Counter(record.words)), nameless, max(record.keyframes, default=RESTORED)
+
+
+def together(record, window):
+    """``seen_at_once`` by reading the whole list."""
+    seen = {}
+    for word, keyframe in zip(record.words, record.keyframes, strict=True):
+        if keyframe != RESTORED:
+            seen.setdefault(keyframe, set()).add(word)
+    newest = [seen[keyframe] - {NULL} for keyframe in sorted(seen)[-window:]]
+    return dict(Counter(pair for words in newest for pair in combinations(sorted(words), 2)))
+
+
+STEPS = st.one_of(
+    st.tuples(st.just("add"), st.sampled_from(WORDS), st.integers(0, 3)),
+    st.tuples(st.just("taken"), st.sets(st.sampled_from(WORDS)), st.just(0)),
+    st.tuples(st.just("absorb"), st.just(0), st.just(0)),
+    st.tuples(st.just("look"), st.just(0), st.integers(1, 6)),
+)
+
+
+@settings(max_examples=150, deadline=None)
+@given(st.booleans(), st.lists(STEPS, max_size=25))
+def test_what_is_kept_up_is_what_the_whole_list_says(continued, steps):
+    record = restored() if continued else ObservationRecord(SETTINGS)
+    aside, keyframe = [], 0
+    poses = np.tile(T_WORLD_FIRST, (80, 1, 1))
+    for step, what, number in steps:
+        if step == "add":
+            keyframe += number
+            for at, one in enumerate([record, *aside[:1]]):
+                one.add(what, keyframe, np.eye(8)[WORDS.index(what)], POINTS[at : at + 5], poses)
+        elif step == "taken":
+            aside.append(record.taken(what))
+        elif step == "absorb" and aside:
+            record.absorb(aside.pop(), poses)
+        elif step == "look":
+            assert record.seen_at_once(number) == together(record, number)
+        for one in (record, *aside):
+            counts, nameless, last_keyframe = counted(one)
+            assert (one.counts(), one.is_nameless, one.last_keyframe) == (counts, nameless, last_keyframe)
+            assert [one.seen_at_once(window) for window in (3, 9, 2)] == [together(one, window) for window in (3, 9, 2)]
+            for word in counts:
+                one.cloud_of(word, poses)
+            assert 0.0 <= one.majority(0.75) <= 1.0
+
+
+class Unread(list):
+    """A list that is only appended to."""
+
+    def __iter__(self):
+        raise AssertionError("the whole list is read")
+
+
+def test_a_keyframe_costs_the_same_however_long_the_list_is():
+    record = ObservationRecord(SETTINGS)
+    for keyframe in range(12):
+        record.add("cup", keyframe, np.ones(8), POINTS[:5], np.tile(T_WORLD_FIRST, (40, 1, 1)))
+    record.seen_at_once(5)
+    record.words, record.keyframes = Unread(record.words), Unread(record.keyframes)
+    for keyframe in range(12, 20):
+        record.add("cup", keyframe, np.ones(8), POINTS[:5], np.tile(T_WORLD_FIRST, (40, 1, 1)))
+        record.add("bowl", keyframe, np.ones(8), POINTS[:5], np.tile(T_WORLD_FIRST, (40, 1, 1)))
+        assert not record.is_nameless
+        assert record.majority(0.75) == pytest.approx(1.0)
+        assert record.seen_at_once(5) == {("bowl", "cup"): min(keyframe - 11, 5)}
+    assert sum(record.counts().values()) == len(record) == 28

@@ -2,6 +2,7 @@
 
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
+from itertools import islice
 from typing import Self
 
 import numpy as np
@@ -28,6 +29,7 @@ class ObservationRecord:
     Attributes:
         words: the word of each observation, oldest first (after a merge: those of the one that stays first).
         keyframes: the number of the keyframe of each; ``RESTORED`` of those that a continued map knew of.
+        last_keyframe: the newest of them.
     """
 
     def __init__(self, settings: CloudSettings) -> None:
@@ -35,6 +37,9 @@ class ObservationRecord:
         self._settings = settings
         self.words: list[str] = []
         self.keyframes: list[int] = []
+        self.last_keyframe = RESTORED
+        self._counts: Counter[str] = Counter()  # of ``words``, which are many after hours
+        self._newest: _NewestWords | None = None  # of both lists; None: to be read off them
         self._clouds: dict[str, KeyframedCloud] = {}
         self._features: dict[str, FloatArray] = {}
         self._parts: list[Cloud] = []
@@ -52,6 +57,7 @@ class ObservationRecord:
         record.words = [word for word, times in counts.items() for _ in range(times)]
         record.keyframes = [RESTORED] * len(record.words)
         for word, times in counts.items():  # which of its words looked how, and stood where, is not known any more
+            record._counts[word] = times
             record._features[word], record._clouds[word] = landmark.embedding * times, record._empty()
         p_camera = transform_points(inverse(T_world_camera), _points_of(landmark, settings.voxel_m))
         record._clouds[next(iter(counts))].add(0, p_camera, T_world_camera[None])
@@ -73,6 +79,10 @@ class ObservationRecord:
         key = word or NULL
         self.words.append(key)
         self.keyframes.append(keyframe)
+        self._counts[key] += 1
+        if self._newest is not None and not self._newest.add(key, keyframe):
+            self._newest = None
+        self.last_keyframe = max(self.last_keyframe, keyframe)
         self._features[key] = self._features[key] + feature if key in self._features else feature.copy()
         self._clouds.setdefault(key, self._empty()).add(keyframe, p_camera, poses)
 
@@ -81,7 +91,7 @@ class ObservationRecord:
 
     def counts(self) -> Counter[str]:
         """How many observations each word has."""
-        return Counter(self.words)
+        return self._counts.copy()
 
     def majority(self, alike_cosine: float = 1.0) -> float:
         """Share of the observations that go by the most frequent word, or by one that is like it.
@@ -104,12 +114,11 @@ class ObservationRecord:
     @property
     def is_nameless(self) -> bool:
         """Whether it was mostly seen as nothing that has a word; a stray word or two is no name then."""
-        named = [times for word, times in self.counts().items() if word != NULL]
-        unnamed = len(self.words) - sum(named)
-        return unnamed > max(named, default=0) and self._named_share() < self._settings.named_share
+        most = max((times for word, times in self._counts.items() if word != NULL), default=0)
+        return self._counts[NULL] > most and self._named_share() < self._settings.named_share
 
     def _named_share(self) -> float:
-        return sum(word != NULL for word in self.words) / max(len(self.words), 1)
+        return (len(self.words) - self._counts[NULL]) / max(len(self.words), 1)
 
     def _cosine(self, word: str, other: str) -> float:
         """Of what was seen under two words."""
@@ -133,15 +142,11 @@ class ObservationRecord:
 
     def seen_at_once(self, window: int) -> dict[tuple[str, str], int]:
         """In how many of the newest ``window`` keyframes two words (neither of them null) were observed together."""
-        newest = sorted(set(self.keyframes) - {RESTORED})[-window:]
-        oldest = newest[0] if newest else 0
-        at: dict[int, set[str]] = {}
-        for word, keyframe in zip(reversed(self.words), reversed(self.keyframes), strict=True):
-            if keyframe >= oldest and word != NULL:
-                at.setdefault(keyframe, set()).add(word)
+        if self._newest is None or self._newest.window < window:
+            self._newest = _NewestWords(window, self.words, self.keyframes)
         pairs: Counter[tuple[str, str]] = Counter()
-        for seen in at.values():
-            rising = sorted(seen)
+        for seen in self._newest.of_each(window):
+            rising = sorted(seen - {NULL})
             pairs.update((a, b) for n, a in enumerate(rising) for b in rising[n + 1 :])
         return dict(pairs)
 
@@ -160,6 +165,8 @@ class ObservationRecord:
         pairs = list(zip(self.words, self.keyframes, strict=True))
         out.words, out.keyframes = [w for w, _ in pairs if w in words], [k for w, k in pairs if w in words]
         self.words, self.keyframes = [w for w, _ in pairs if w not in words], [k for w, k in pairs if w not in words]
+        self._recount()
+        out._recount()
         for word in words:
             if word in self._clouds:
                 out._clouds[word], out._features[word] = self._clouds.pop(word), self._features.pop(word)
@@ -170,16 +177,49 @@ class ObservationRecord:
         """Append the observations of another record."""
         self.words += other.words
         self.keyframes += other.keyframes
+        self._recount()
         for word, cloud in other._clouds.items():
             own = self._clouds.get(word)
             self._clouds[word] = cloud if own is None else own.merged(cloud, poses)
             self._features[word] = self._features.get(word, 0.0) + other._features[word]
         self._parts = []
 
+    def _recount(self) -> None:
+        """Go through the lists, after other than an ``add`` changed them."""
+        self._counts = Counter(self.words)
+        self.last_keyframe = max(self.keyframes, default=RESTORED)
+        self._newest = None
+
     @property
     def nbytes(self) -> int:
         """Memory of the points."""
         return sum(cloud.nbytes for cloud in self._clouds.values())
+
+
+class _NewestWords:
+    """Which words were seen in each of the newest keyframes of an observation list, kept up so that the whole list need not be read."""
+
+    def __init__(self, window: int, words: Sequence[str], keyframes: Sequence[int]) -> None:
+        """Read the newest ``window`` keyframes off the lists; those of a continued map are none."""
+        self.window = window
+        newest = sorted(set(keyframes) - {RESTORED})[-window:]
+        self._words: dict[int, set[str]] = {keyframe: set() for keyframe in newest}
+        for word, keyframe in zip(words, keyframes, strict=True):
+            if keyframe in self._words:
+                self._words[keyframe].add(word)
+
+    def add(self, word: str, keyframe: int) -> bool:
+        """Take one more observation; False if it is older than one before, and the lists must be read anew."""
+        if self._words and keyframe < next(reversed(self._words)):
+            return False
+        self._words.setdefault(keyframe, set()).add(word)
+        if len(self._words) > self.window:
+            del self._words[next(iter(self._words))]
+        return True
+
+    def of_each(self, window: int) -> list[set[str]]:
+        """The words of each of the newest ``window`` keyframes, at most as many as are kept."""
+        return list(islice(reversed(self._words.values()), window))
 
 
 def _counts_of(shares: Mapping[str, float], observations: int) -> dict[str, int]:
