@@ -77,7 +77,7 @@ def dualmap_of(filmed, odometry, settings=None):
 # ## The tour
 #
 # The robot is led through all rooms. Only every fourth frame is used, so that this takes half a minute at most; so a thing
-# counts once it was seen in 5 frames, not in 8.
+# counts once it was seen in 5 frames, not in 8. Fewer frames would leave gaps in the floor, which a robot must not cross.
 
 # %%
 with dualmap_of(home, RecordedOdometry(home.trajectory), {"status": {"observations": 5}}) as pipeline:
