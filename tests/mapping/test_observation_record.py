@@ -82,13 +82,14 @@ def counted(record):
 
 
 def together(record, window):
-    """``seen_at_once`` by reading the whole list."""
+    """``seen_at_once`` by reading the whole list, but for what was joined."""
     seen = {}
     for word, keyframe in zip(record.words, record.keyframes, strict=True):
         if keyframe != RESTORED:
             seen.setdefault(keyframe, set()).add(word)
     newest = [seen[keyframe] - {NULL} for keyframe in sorted(seen)[-window:]]
-    return dict(Counter(pair for words in newest for pair in combinations(sorted(words), 2)))
+    pairs = Counter(pair for words in newest for pair in combinations(sorted(words), 2))
+    return {pair: times for pair, times in pairs.items() if not record.are_joined(*pair)}
 
 
 STEPS = st.one_of(
@@ -145,3 +146,29 @@ def test_a_keyframe_costs_the_same_however_long_the_list_is():
         assert record.majority(0.75) == pytest.approx(1.0)
         assert record.seen_at_once(5) == {("bowl", "cup"): min(keyframe - 11, 5)}
     assert sum(record.counts().values()) == len(record) == 28
+
+
+def seen(*words):
+    """A list of one keyframe."""
+    record = ObservationRecord(SETTINGS)
+    for word in words:
+        record.add(word, 0, np.ones(8), POINTS[:5], POSES)
+    return record
+
+
+def test_words_that_were_merged_are_not_parted_again():
+    record = seen("cup", "mug", None)
+    assert record.seen_at_once(1) == {("cup", "mug"): 1}
+    record.absorb(seen("bowl", "cup", None), POSES)
+    assert record.seen_at_once(1) == {}  # bowl with cup and mug, cup with mug
+    assert record.majority() == pytest.approx(1.0)  # names of one thing
+    assert not record.are_joined("cup", "cup")
+    assert not record.are_joined(NULL, "cup")
+    apart = seen("cup", "mug", "hat")
+    apart.absorb(seen("shoe"), POSES)
+    assert apart.seen_at_once(1) == {("cup", "mug"): 1, ("cup", "hat"): 1, ("hat", "mug"): 1}
+    half = apart.taken({"cup", "shoe"})
+    assert half.are_joined("shoe", "cup")
+    assert half.seen_at_once(1) == {}
+    apart.absorb(half, POSES)
+    assert apart.seen_at_once(1) == {("hat", "mug"): 1}

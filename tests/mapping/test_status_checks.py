@@ -7,6 +7,7 @@ from checked_map import AT, CheckedMap
 from seo_slam.backends.gtsam_smoother import GtsamSmoother
 from seo_slam.backends.hashed_embedder import HashedEmbedder
 from seo_slam.errors import MapError
+from seo_slam.mapping.edits import merge_landmarks
 
 ASIDE = AT + np.array([0.0, 0.12, 0.0])
 ELSEWHERE = AT + np.array([0.0, -0.6, 0.0])
@@ -164,6 +165,37 @@ def test_what_overlaps_can_be_merged_in_3d():
     assert same.see((None, AT, "cup"), (None, AT + 0.001, "mug")) == [("merged", 1)]
     assert same.ids() == [0]
     assert same.objects[0].record.counts() == {"cup": 1, "mug": 1}
+
+
+@pytest.mark.parametrize("smoother", [None, GtsamSmoother], ids=["given poses", "gtsam"])
+def test_splitting_and_merging_do_not_undo_each_other_for_ever(smoother):
+    world = CheckedMap(smoother() if smoother else None, merge=True, merge_every=10, split_keyframes=3)
+    world.see((None, AT, "cup"))
+    happened = []
+    for _ in range(50):
+        words = dict(zip(world.ids(), ("cup", "tray"), strict=False))  # whatever there is of the two is found again
+        happened += world.see(*((i, AT, word) for i, word in words.items()), *([(0, AT, "tray")] if len(words) == 1 else []))
+    assert [kind for kind, _ in happened if kind in ("split", "merged")] == ["split", "merged"]
+    assert world.ids() == [0]
+    assert world.checks.passes(world.objects[0])  # two names, as often one as the other, but of one thing
+
+
+def test_an_agents_merge_is_not_undone():
+    world = CheckedMap(split_keyframes=3, fold=False)
+    world.see((None, AT, "cup"), (None, ASIDE, "saucer"))
+    merge_landmarks(0, 1, world.objects, world.smoother, "agent")
+    assert ("split", 2) not in watched(world, 12, (0, AT, "cup"), (0, ASIDE, "saucer"))
+    assert watched(world, 4, (0, AT, "cup"), (0, ELSEWHERE, "book"))[-1] == ("split", 2)  # which nobody has said to be one
+    assert (set(world.objects[0].record.counts()), set(world.objects[2].record.counts())) == ({"cup", "saucer"}, {"book"})
+
+
+def test_what_was_joined_stays_with_its_own():
+    world = CheckedMap(split_keyframes=3, fold=False)
+    world.see((None, AT, "cup"), (None, ASIDE, "saucer"))
+    merge_landmarks(0, 1, world.objects, world.smoother, "agent")
+    watched(world, 4, (0, AT, "cup"), (0, ASIDE + 0.01, "book"))
+    assert world.ids() == [0, 2]
+    assert world.objects[0].record.counts() == {"cup": 5, "saucer": 1}  # though the book is where the saucer was
 
 
 def test_a_split_needs_both_sides():

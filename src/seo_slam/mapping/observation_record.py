@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
-from itertools import islice
+from itertools import islice, product
 from typing import Self
 
 import numpy as np
@@ -39,6 +39,7 @@ class ObservationRecord:
         self.keyframes: list[int] = []
         self.last_keyframe = RESTORED
         self._counts: Counter[str] = Counter()  # of ``words``, which are many after hours
+        self._joined: set[tuple[str, str]] = set()
         self._newest: _NewestWords | None = None  # of both lists; None: to be read off them
         self._clouds: dict[str, KeyframedCloud] = {}
         self._features: dict[str, FloatArray] = {}
@@ -94,7 +95,7 @@ class ObservationRecord:
         return self._counts.copy()
 
     def majority(self, alike_cosine: float = 1.0) -> float:
-        """Share of the observations that go by the most frequent word, or by one that is like it.
+        """Share of the observations that go by the most frequent word, by one that is like it, or by one that a merge joined to it.
 
         Observations without a class are a class of their own, or abstain where enough others have one: ``CloudSettings.named_share``.
 
@@ -107,8 +108,7 @@ class ObservationRecord:
         if self._named_share() >= self._settings.named_share:
             counts.pop(NULL, None)
         top = max(counts, key=lambda word: (word != NULL, counts[word], word))
-        others = set() if alike_cosine >= 1.0 else counts.keys() - {top, NULL}
-        alike = {word for word in others if self._cosine(word, top) >= alike_cosine}
+        alike = {word for word in counts.keys() - {top, NULL} if self.are_joined(word, top) or self._is_alike(word, top, alike_cosine)}
         return sum(counts[word] for word in alike | {top}) / sum(counts.values())
 
     @property
@@ -120,10 +120,12 @@ class ObservationRecord:
     def _named_share(self) -> float:
         return (len(self.words) - self._counts[NULL]) / max(len(self.words), 1)
 
-    def _cosine(self, word: str, other: str) -> float:
-        """Of what was seen under two words."""
+    def _is_alike(self, word: str, other: str, alike_cosine: float) -> bool:
+        """Whether what was seen under two words looks the same."""
+        if alike_cosine >= 1.0:
+            return False
         a, b = self._features[word], self._features[other]
-        return float(a @ b / max(float(np.linalg.norm(a) * np.linalg.norm(b)), 1e-12))
+        return float(a @ b / max(float(np.linalg.norm(a) * np.linalg.norm(b)), 1e-12)) >= alike_cosine
 
     def feature(self) -> FloatArray:
         """(D,) unit mean of all observations' features: averaging with the number of earlier observations as weight (III-B2)."""
@@ -141,14 +143,18 @@ class ObservationRecord:
         return self._whole
 
     def seen_at_once(self, window: int) -> dict[tuple[str, str], int]:
-        """In how many of the newest ``window`` keyframes two words (neither of them null) were observed together."""
+        """In how many of the newest ``window`` keyframes two words (neither of them null, nor joined) were observed together."""
         if self._newest is None or self._newest.window < window:
             self._newest = _NewestWords(window, self.words, self.keyframes)
         pairs: Counter[tuple[str, str]] = Counter()
         for seen in self._newest.of_each(window):
             rising = sorted(seen - {NULL})
             pairs.update((a, b) for n, a in enumerate(rising) for b in rising[n + 1 :])
-        return dict(pairs)
+        return {pair: times for pair, times in pairs.items() if pair not in self._joined}
+
+    def are_joined(self, a: str, b: str) -> bool:
+        """Whether a merge said that what goes by one of the words is what goes by the other: it is not to be undone again and again."""
+        return (min(a, b), max(a, b)) in self._joined
 
     def of_words(self, words: Collection[str]) -> IntArray:
         """(M,) which of the smoother's measurements of it are of these words, counted from 0."""
@@ -165,6 +171,7 @@ class ObservationRecord:
         pairs = list(zip(self.words, self.keyframes, strict=True))
         out.words, out.keyframes = [w for w, _ in pairs if w in words], [k for w, k in pairs if w in words]
         self.words, self.keyframes = [w for w, _ in pairs if w not in words], [k for w, k in pairs if w not in words]
+        out._joined = self._joined.copy()
         self._recount()
         out._recount()
         for word in words:
@@ -174,7 +181,9 @@ class ObservationRecord:
         return out
 
     def absorb(self, other: Self, poses: FloatArray) -> None:
-        """Append the observations of another record."""
+        """Append the observations of another record; its words and those that are here are joined from now on."""
+        across = product(self._counts.keys() - {NULL}, other._counts.keys() - {NULL})
+        self._joined |= other._joined | {(min(pair), max(pair)) for pair in across if pair[0] != pair[1]}
         self.words += other.words
         self.keyframes += other.keyframes
         self._recount()

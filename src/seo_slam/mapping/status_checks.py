@@ -119,7 +119,7 @@ class StatusChecks:
         pair = max(often, key=lambda two: (together[two], two))
         counts = record.counts()
         stays, goes = sorted(pair, key=lambda word: (-counts[word], word))
-        words = {goes, *(word for word in counts if word not in pair and self._is_nearer(thing, word, goes, stays))}
+        words = {goes, *(word for word in counts if word not in pair and self._goes_with(thing, word, goes, stays))}
         moved = record.of_words(words)
         if not len(moved) or len(moved) == len(record.of_words(set(counts))):  # a continued map's part has no measurement of its own
             return []
@@ -130,8 +130,11 @@ class StatusChecks:
         new.last_seen_s = thing.last_seen_s
         return [MapEvent("split", new_id, f"{thing.label} | {new.label}", SOURCE, other_id=thing.id)]
 
-    def _is_nearer(self, thing: Thing, word: str, goes: str, stays: str) -> bool:
-        """Whether the points of a word (or of no word) overlap more with one side of a split than with the other."""
+    def _goes_with(self, thing: Thing, word: str, goes: str, stays: str) -> bool:
+        """Whether a word (or none) goes with one side of a split: it was joined to that one alone, or its points overlap more with it."""
+        joined = [thing.record is not None and thing.record.are_joined(word, side) for side in (goes, stays)]
+        if joined[0] != joined[1]:
+            return joined[0]
         clouds = self._map.clouds_of_words(thing)
         shares = overlap_shares([clouds[word].p_world], [clouds[goes], clouds[stays]], self._settings.merge_distance_m)[0]
         return bool(shares[0] > shares[1])
