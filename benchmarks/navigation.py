@@ -3,12 +3,13 @@
 python benchmarks/navigation.py --homes house,0,1 --meshes DIR --maps DIR --out DIR --jobs 8
 Prints one JSON object; with --out also navigation.json and navigation.jsonl (every drive with its attempts), with --pictures an SVG each.
 Homes are mapped first, or their maps taken from --maps; then every trial is a job of its own. A drive that raises is a row, "failed".
-A run that was ended goes on with --resume: drives whose rows are in --out are not driven again.
+A run that was ended goes on with --resume: drives whose rows are in --out, made with the same settings, are not driven again.
 """
 
 import argparse
 import dataclasses
 import functools
+import hashlib
 import json
 import sys
 import time
@@ -28,7 +29,7 @@ from seo_slam.driving.run_trial import DriveOptions, run_trial
 from seo_slam.driving.trials import Trial, make_trials
 from seo_slam.errors import ConfigError, SeoSlamError
 from seo_slam.evaluation.navigation import Drive, score_drives, statement
-from seo_slam.map import Map
+from seo_slam.map import MAP_FILE, Map
 from seo_slam.run_files import versions
 from seo_slam.settings.navigation import NavigationSettings
 from seo_slam.simulation.home import SimulatedHome
@@ -42,6 +43,10 @@ EMBEDDERS = ("minilm", "hashed")
 TOLD = ("home", "kind", "strategy", "number", "query", "failure", "ending", "reason", "distance_m", "believed_m", "mapped", "error")
 """What the result says of a drive that did not succeed; navigation.jsonl has the rest."""
 _DRIVES_A_KIND = 1000
+NO_MATTER = ("maps", "cache", "counts")
+"""Of a home: where things are kept, and how many trials there are, change no drive."""
+ROW_FORMAT = 1
+"""Of the rows in --out/drives; raised when what a row holds, or what makes it, is another."""
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -98,7 +103,7 @@ class TrialJob:
         trial, settings, options: what is driven, and how.
         picture: file for a picture, or None.
         kept: file for its row, or None.
-        resume: the row is taken from there if it is there.
+        resume: the row is taken from there if one of the same settings is there.
     """
 
     of: HomeJob
@@ -123,6 +128,23 @@ class TrialJob:
     def name(self) -> str:
         """For people."""
         return f"{self.of.name} {self.trial.name} {self.settings.strategy}"
+
+    @property
+    def made_with(self) -> dict[str, Any]:
+        """What tells whether a row that is kept is one of this job: the format, and a hash of everything the drive is made with."""
+        given = {
+            "map": _map_hash(self.of.folder / MAP_FILE),
+            "home": {key: value for key, value in dataclasses.asdict(self.of).items() if key not in NO_MATTER},
+            "trial": self.trial.as_dict(),
+            "navigation": self.settings.model_dump(mode="json"),
+            "options": dataclasses.asdict(self.options),
+        }
+        return {"format": ROW_FORMAT, "settings": hashlib.sha256(json.dumps(given, sort_keys=True).encode()).hexdigest()[:16]}
+
+
+@functools.lru_cache(maxsize=8)
+def _map_hash(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
 @functools.lru_cache(maxsize=1)
@@ -158,15 +180,23 @@ def prepare(job: HomeJob) -> dict[str, Any]:
 
 def drive(job: TrialJob) -> dict[str, Any]:
     """Drive one trial, or take its row where it was driven before; an error becomes a row."""
-    if job.resume and job.kept and Path(job.kept).is_file():
-        kept: dict[str, Any] = json.loads(Path(job.kept).read_text(encoding="utf-8"))
-        return kept
-    row = driven(job)
+    if job.resume and job.kept and (row := kept_row(Path(job.kept), job.made_with)) is not None:
+        return row
+    row = {**driven(job), "made_with": job.made_with}
     if job.kept:
         part = Path(f"{job.kept}.part")
         part.write_text(json.dumps(row, sort_keys=True), encoding="utf-8")
         part.replace(job.kept)
     return row
+
+
+def kept_row(path: Path, made_with: dict[str, Any]) -> dict[str, Any] | None:
+    """Return the row in a file; None where there is none, a broken one, or one made with something else."""
+    try:
+        row = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    return row if isinstance(row, dict) and row.get("made_with") == made_with else None
 
 
 def driven(job: TrialJob) -> dict[str, Any]:

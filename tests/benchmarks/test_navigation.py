@@ -1,11 +1,15 @@
 """The navigation benchmark: maps are kept, every drive is a row, a drive that raises too, and bad words are refused at once."""
 
 import json
+from dataclasses import replace
 
 import pytest
 
 import navigation
+from seo_slam.driving.run_trial import DriveOptions
 from seo_slam.driving.trials import Trial
+from seo_slam.map import Map
+from seo_slam.settings.navigation import NavigationSettings
 
 TINY = [
     *("--homes", "10", "--level", "0", "--mapper", "true", "--embedder", "hashed", "--size", "64x48"),
@@ -47,6 +51,65 @@ def test_a_drive_that_is_there_is_not_driven_again(tmp_path, capsys, monkeypatch
     monkeypatch.delattr(navigation, "run_trial")
     assert navigation.main([*words, "--resume"]) == 0
     assert json.loads(capsys.readouterr().out)["table"] == printed["table"]
+
+
+@pytest.fixture
+def kept_job(tmp_path, monkeypatch):
+    """A job whose row is kept, with a map of nothing, and the jobs that are driven; driving is only said to be done."""
+    monkeypatch.setattr(navigation, "driven", lambda job: driven.append(job) or {"reason": f"drive {len(driven)}"})
+    driven = []
+    trial = Trial("static", 0, "cup", (1,), (0.0, 0.5), 0.1)
+    of = navigation.HomeJob("apartment", 10, 0.0, None, (64, 48), None, "true", "hashed", str(tmp_path / "maps"), 12, 0, (("static", 1),))
+    Map().save(of.folder)
+    path = tmp_path / "row.json"
+    job = navigation.TrialJob(of, trial, NavigationSettings(), DriveOptions(), None, str(path), resume=True)
+    navigation.drive(job)
+    return job, path, driven
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"settings": NavigationSettings(attempts=7)},
+        {"options": DriveOptions(rate_hz=3.0)},
+        {"trial": Trial("static", 0, "cup", (2,), (0, 0), 0)},
+    ],
+)
+def test_a_row_of_other_settings_is_not_taken(kept_job, changes):
+    job, path, _ = kept_job
+    assert navigation.drive(job)["reason"] == "drive 1"
+    row = navigation.drive(replace(job, **changes))
+    assert row["reason"] == "drive 2"
+    assert json.loads(path.read_text()) == row
+    assert navigation.drive(job)["reason"] == "drive 3"
+
+
+def test_a_row_of_another_home_or_map_is_not_taken(kept_job, monkeypatch):
+    job, _, driven = kept_job
+    other = replace(job.of, level=0.5)
+    Map().save(other.folder)
+    navigation.drive(replace(job, of=other))
+    assert len(driven) == 2
+    navigation.drive(job)
+    Map(next_id=5).save(job.of.folder)
+    navigation._map_hash.cache_clear()  # another process
+    navigation.drive(job)
+    assert len(driven) == 4
+
+
+@pytest.mark.parametrize("text", ["{", "[]", '{"reason": "of before there was such a field"}', None])
+def test_a_row_that_is_broken_or_of_another_format_is_not_taken(kept_job, text):
+    job, path, _ = kept_job
+    row = json.loads(path.read_text())
+    path.write_text(text or json.dumps({**row, "made_with": {**row["made_with"], "format": 0}}))
+    assert navigation.drive(job)["reason"] == "drive 2"
+
+
+def test_how_many_trials_and_where_maps_are_kept_change_no_drive(kept_job, tmp_path):
+    job, _, _ = kept_job
+    elsewhere = replace(job.of, maps=str(tmp_path / "elsewhere"), cache=str(tmp_path), counts=())
+    Map().save(elsewhere.folder)
+    assert navigation.drive(replace(job, of=elsewhere))["reason"] == "drive 1"
 
 
 def test_a_drive_that_raises_is_a_row(tmp_path, capsys, monkeypatch):
