@@ -25,7 +25,7 @@ OBJECT_ANGLE_DEG = 45.0
 INSTANCE_ANGLE_DEG = 15.0
 """Between the direction in which all copies of a model differ from the word, and that in which one of them does: wear, light, place."""
 VIEW_ANGLE_DEG = 30.0
-"""And how far one view of it is from the others."""
+"""How far one view of a thing is from what it looks like from all sides."""
 _WORDS = tuple(
     dict.fromkeys([*(word for room in INVENTORIES.values() for word in room), *FURNITURE, *STAND_INS, "wall", "floor", "ceiling"])
 )
