@@ -171,7 +171,7 @@ def test_a_look_alike_in_its_place_is_a_false_match():
 
 
 def test_a_smaller_margin_passes_the_look_alike_by():
-    outcome = Home(now=None, more=[resting(11, "cup", furniture()[0])], margin=0.02).search()
+    outcome = Home(now=None, more=[resting(11, "cup", furniture()[0])], margin=0.02, enough_score=1.0).search()
     assert outcome.ending == "not_found"
     assert outcome.attempts[0].found_label == "cup"
     assert outcome.attempts[0].found_score == pytest.approx(0.95, abs=0.01)
@@ -242,7 +242,7 @@ def test_it_gives_up_after_so_many_frames():
     assert (outcome.ending, outcome.steps) == ("gave_up", 21)
 
 
-@pytest.mark.parametrize("text", ["", "  ", "?"])
+@pytest.mark.parametrize("text", ["", "  ", "?", "the", "An ", "my.", "the in the kitchen"])
 def test_an_empty_query_is_answered(text):
     home = Home()
     outcome = home.navigator.ask(text)
@@ -418,6 +418,11 @@ def test_the_original_map_stays_as_it_was():
     assert outcome.ending == "not_found"
 
 
+def test_a_seed_below_0_is_refused_at_once():
+    with pytest.raises(ConfigError, match="got seed -1"):
+        Home(seed=-1)
+
+
 def test_random_picks_follow_the_seed():
     def picks(seed):
         return gone_to(Home(now=None, strategy="random", attempts=4, views=1, seed=seed).search())
@@ -476,3 +481,9 @@ def test_planners_come_together():
     things = furniture()
     with pytest.raises(ConfigError, match="all three or none"):
         Navigator(abstract_map(things, []), SeeingMapper(Robot(), things), EMBEDDER, far=NoWay())
+
+
+def test_a_score_that_is_enough_needs_no_margin():
+    outcome = Home(now=None, more=[resting(11, "cup", furniture()[0])], margin=0.02, enough_score=0.9).search()
+    assert outcome.found
+    assert outcome.attempts[0].found_label == "cup"

@@ -21,7 +21,7 @@ class Judge:
 
     A match is confident if it was seen often enough, is at the anchor that was gone to, and scores at least what the first candidate did
     less the margin; the first candidate's score stays the measure through all attempts (the paper), so that a search does not
-    settle for less and less. Nothing below ``least_score`` is a match.
+    settle for less and less. Nothing below ``least_score`` is a match, and ``enough_score`` is always enough.
 
     A match elsewhere is clear if it scores so too and at least ``clear_score``, has a word, was seen more often and from near, and is in
     the room that was named, if one was. The
@@ -36,7 +36,7 @@ class Judge:
 
     def __init__(self, query: Query, feature: FloatArray, first_score: float, senses: Senses, settings: NavigationSettings) -> None:
         """Take the query with its feature (D,), and the first candidate's score."""
-        self.required = max(first_score - settings.margin, settings.least_score)
+        self.required = max(min(first_score - settings.margin, settings.enough_score), settings.least_score)
         self.is_known = first_score >= settings.least_score
         self.rejected: set[int] = set()
         self._query = query

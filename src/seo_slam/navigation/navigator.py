@@ -82,9 +82,12 @@ class Navigator:
             seed: of the local planner, and of strategy "random".
 
         Raises:
+            ConfigError: ``seed`` is below 0, or some of ``grid``, ``far`` and ``near`` are given and not all.
             MapError: the map has anchors and no layout, or features of another embedder.
             MissingBackendError: the global planner needs the extra ``nav``.
         """
+        if seed < 0:
+            raise ConfigError(f"navigator: got seed {seed}, wanted 0 or more")
         self.settings = settings or NavigationSettings()
         self.outcome: Outcome | None = None
         if abstract_map.anchors and abstract_map.layout is None:
@@ -239,7 +242,8 @@ class Navigator:
 
 def _not_known(abstract_map: AbstractMap, query: Query, best: Candidate) -> str:
     anchor = next(anchor for anchor in abstract_map.anchors if anchor.id == best.anchor_id)
-    thing = f"{best.because} at the {anchor.label} {anchor.id}" if best.volatile else f"{anchor.label} {anchor.id}"
+    where = f"{anchor.label or 'thing without a name'} {anchor.id}"
+    thing = f"{best.because or 'thing without a name'} at the {where}" if best.volatile else where
     return f"the map knows nothing like {query.words!r}; the best it has is the {thing} ({best.score:.2f})"
 
 

@@ -16,6 +16,12 @@ class NavigationSettings(Settings):
 
     attempts: int = Field(3, ge=1, description="candidates that are gone to before the search ends (the paper: three)")
     margin: float = Field(0.1, ge=0, le=1, description="a match may score so much less than the first candidate did")
+    enough_score: float = Field(
+        0.75,
+        ge=-1,
+        le=1,
+        description="a match that scores so is enough, however well the map's own word did (a map made of words alone scores 1); 1: the paper",
+    )
     least_score: float = Field(0.55, ge=-1, le=1, description="below it nothing is alike: the map does not know what is asked for")
     unknown: Literal["search", "answer"] = Field(
         "search", description="such a thing is searched for all the same, or the answer is given at once: the map may lack what is there"
