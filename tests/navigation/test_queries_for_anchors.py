@@ -47,6 +47,12 @@ def mapped():
         ("the mug in the kitchen sink", "mug in the kitchen sink", None),
         ("the picture of the kitchen in the living room", "picture of the kitchen", "living room"),
         ("", "", None),
+        ("the", "", None),
+        ("A.", "", None),
+        ("the my cup", "cup", None),
+        ("an anchor", "anchor", None),
+        ("thermos", "thermos", None),
+        ("the in the kitchen", "", "kitchen"),
         (" ?! ", "", None),
     ],
 )

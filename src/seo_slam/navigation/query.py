@@ -11,7 +11,7 @@ from seo_slam.errors import ConfigError
 from seo_slam.geometry import FloatArray
 from seo_slam.navigation.outcomes import Candidate
 
-_ARTICLE = re.compile(r"^(?:the|a|an|my|our|your)\s+", re.IGNORECASE)
+_ARTICLE = re.compile(r"^(?:(?:the|a|an|my|our|your)(?:\s+|$))+", re.IGNORECASE)
 _BESIDE_M = (0.0, 0.15, 0.3, 0.6, 1.0)  # how far beside its footprint the floor of an anchor's room is looked for
 
 
