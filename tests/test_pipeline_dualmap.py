@@ -92,7 +92,7 @@ def test_with_another_embedder_the_abstract_map_is_made_anew():
         name = "other"
 
     made = mapped(pipeline(both))
-    assert made.with_embeddings(Other(size=16)).abstract is None
+    assert made.with_embeddings(Other(size=16)).abstract.embedder == "other"
     assert mapped(pipeline(both, embedder=Other(size=16), map=made)).abstract.embedder == "other"
 
 

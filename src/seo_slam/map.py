@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from seo_slam import registry
 from seo_slam.abstraction.abstract_map import AbstractMap
 from seo_slam.abstraction.files import abstract_map_from
+from seo_slam.abstraction.from_words import with_features_of_words
 from seo_slam.config import Component
 from seo_slam.errors import BackendError, ConfigError, MapError, MapFormatError, MissingBackendError, UnknownLandmarkError
 from seo_slam.geometry import FloatArray
@@ -244,12 +245,14 @@ class Map:
     def with_embeddings(self, embedder: Embedder) -> Self:
         """Return this map with the embedding of every landmark made, or made anew, for ``embedder``, and named after it.
 
-        An abstract map whose features another embedder made is left out: they cannot be made anew.
+        Features of an abstract map that another embedder made are made anew of its words.
         """
         rows = list(self._by_id.values())
         vectors = self._embed(rows, embedder)
         filled = (replace(row, embedding=vector) for row, vector in zip(rows, vectors, strict=True))
-        abstract = self._abstract if self._abstract is not None and self._abstract.embedder == embedder.name else None
+        abstract = self._abstract
+        if abstract is not None and abstract.embedder != embedder.name:
+            abstract = with_features_of_words(abstract, embedder)
         return type(self)(filled, self._gravity, embedder.name, self._next_id, abstract)
 
     def with_abstract(self, abstract_map: AbstractMap | None) -> Self:

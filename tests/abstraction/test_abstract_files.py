@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from seo_slam.abstraction.abstract_map import AbstractMap, Anchor, Layout, Room, Volatile
+from seo_slam.backends.hashed_embedder import HashedEmbedder
 from seo_slam.errors import MapError, MapFormatError
 from seo_slam.map import Map
 from seo_slam.map_document import map_json_schema
@@ -84,11 +85,17 @@ def test_little_of_it_comes_back_too(source, tmp_path):
     assert (back.layout is None) == (source.layout is None)
 
 
-def test_new_embeddings_of_landmarks_leave_it(tmp_path):
-    from seo_slam.backends.hashed_embedder import HashedEmbedder
+def test_with_another_embedder_its_features_are_made_of_its_words():
+    made, embedder = an_abstract_map(), HashedEmbedder(size=24)
+    again = a_map(made).with_embeddings(embedder).abstract
+    assert again.embedder == embedder.name
+    assert again.layout is made.layout
+    assert again.rooms == made.rooms
+    for old, new in zip(made.anchors, again.anchors, strict=True):
+        np.testing.assert_allclose(new.feature, embedder.embed_text([old.label])[0] if old.label else 0.0)
+        assert [volatile.label for volatile in new.volatiles] == [volatile.label for volatile in old.volatiles]
+        assert all(volatile.feature.shape == (24,) for volatile in new.volatiles)
 
-    source = an_abstract_map()
-    assert a_map(source).with_embeddings(HashedEmbedder()).abstract is source
 
 
 def test_a_flat_of_100_m2_takes_less_than_a_megabyte():

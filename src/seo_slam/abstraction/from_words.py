@@ -1,0 +1,25 @@
+"""An abstract map for another embedder."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from seo_slam.abstraction.abstract_map import AbstractMap, Anchor
+from seo_slam.geometry import FloatArray
+from seo_slam.interfaces import Embedder
+
+
+def with_features_of_words(abstract_map: AbstractMap, embedder: Embedder) -> AbstractMap:
+    """Return the map with features that ``embedder`` makes of its words: what pictures told is lost, places and layout stay.
+
+    What has no word has zeros, and is found by no query.
+    """
+
+    def feature(label: str) -> FloatArray:
+        return embedder.embed_text([label])[0] if label else np.zeros(embedder.size)
+
+    def renewed(anchor: Anchor) -> Anchor:
+        volatiles = tuple(replace(volatile, feature=feature(volatile.label)) for volatile in anchor.volatiles)
+        return replace(anchor, feature=feature(anchor.label), volatiles=volatiles)
+
+    return replace(abstract_map, anchors=tuple(renewed(anchor) for anchor in abstract_map.anchors), embedder=embedder.name)
