@@ -28,10 +28,10 @@ class CheckedMap:
         self.smoother.start(T_WORLD_FIRST, 1e-6 * np.eye(6))
         self.keyframes = 0
 
-    def see(self, *seen, period_s=0.5, half_m=0.05, feature=None, thin=False):
+    def see(self, *seen, period_s=0.5, half_m=0.05, feature=None, thick=1.0):
         """One keyframe; return [(kind, id), …] of what happened; new and renamed ones are not told."""
         made = tiny_observations(np.array([p for _, p, _ in seen]).reshape(-1, 3), tuple(word for _, _, word in seen))
-        points = half_m * np.random.default_rng(3).uniform(-1, 1, (300, 3)) * ([1.0, 1.0, 0.1] if thin else 1.0)
+        points = half_m * np.random.default_rng(3).uniform(-1, 1, (300, 3)) * np.array([1.0, 1.0, thick])
         made = replace(made, clouds=tuple(p + points for p in made.p_camera))
         if feature is not None:
             made = replace(made, embeddings=np.tile(feature, (len(made), 1)))

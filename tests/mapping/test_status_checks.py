@@ -3,11 +3,15 @@
 import numpy as np
 import pytest
 from checked_map import AT, CheckedMap
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 
 from seo_slam.backends.gtsam_smoother import GtsamSmoother
 from seo_slam.backends.hashed_embedder import HashedEmbedder
 from seo_slam.errors import MapError
 from seo_slam.mapping.edits import merge_landmarks
+from seo_slam.mapping.status_checks import shared_share
 
 ASIDE = AT + np.array([0.0, 0.12, 0.0])
 ELSEWHERE = AT + np.array([0.0, -0.6, 0.0])
@@ -56,25 +60,100 @@ def test_a_stray_word_names_nothing():
     assert world.row(0).label == "bowl"
 
 
-def test_what_has_no_word_and_looks_like_a_wall_is_dropped():
+def test_what_has_no_word_and_looks_like_a_wall_never_becomes_stable():
     words = HashedEmbedder(size=8)
-    world = CheckedMap(observations=3, split=False)
+    world = CheckedMap(observations=3, split=False, flat_m=0.0)
     world.see((None, ELSEWHERE, "cup"))
-    wall = words.embed_text(["wall"])[0]
-    happened = [event for _ in range(3) for event in world.see((1 if 1 in world.ids() else None, AT, None), feature=wall)]
-    assert happened == [("removed", 1)]
-    assert 1 not in world.smoother.positions()[0]
-    cup = words.embed_text(["cup"])[0]
-    assert [event for _ in range(3) for event in world.see((2 if 2 in world.ids() else None, AT, None), feature=cup)] == [("stable", 2)]
+    wall, cup = words.embed_text(["wall", "cup"])
+    world.see((None, AT, None), feature=wall)
+    assert [event for _ in range(9) for event in world.see((1, AT, None), feature=wall)] == []
+    assert (world.row(1).state, world.row(1).observations) == ("tentative", 10)
+    again = CheckedMap(observations=3, split=False)
+    again.see((None, ELSEWHERE, "cup"))
+    again.see((None, AT, None), feature=cup)
+    assert [event for _ in range(2) for event in again.see((1, AT, None), feature=cup)] == [("stable", 1)]
 
 
-@pytest.mark.parametrize(("flat_m", "word", "stays"), [(0.04, None, False), (0.04, "paper", True), (0.0, None, True)])
-def test_a_flat_piece_without_a_word_is_no_thing(flat_m, word, stays):
+@pytest.mark.parametrize(("flat_m", "word", "stable"), [(0.04, None, False), (0.04, "paper", True), (0.0, None, True)])
+@pytest.mark.parametrize("thick", [0.1, 0.0])
+def test_a_flat_piece_without_a_word_is_no_thing(flat_m, word, stable, thick):
     world = CheckedMap(observations=3, background=(), flat_m=flat_m)
-    world.see((None, AT, word), thin=True)
-    for _ in range(2):
-        world.see((0, AT, word), thin=True)
-    assert world.ids() == ([0] if stays else [])
+    world.see((None, AT, word), thick=thick)
+    for _ in range(20):
+        world.see((0, AT, word), thick=thick)
+    assert world.ids() == [0]  # neither removed nor made anew
+    assert (world.row(0).state == "stable") == stable
+
+
+def test_each_half_of_the_rule_is_switched_off_by_itself():
+    wall = HashedEmbedder(size=8).embed_text(["wall"])[0]
+    for thick, background, flat_m, stable in [
+        (0.0, ("wall",), 0.0, False),  # by its looks
+        (0.0, (), 0.04, False),  # by its shape
+        (1.0, (), 0.04, True),
+        (0.0, (), 0.0, True),
+    ]:
+        world = CheckedMap(observations=3, background=background, flat_m=flat_m)
+        world.see((None, ELSEWHERE, "cup"))
+        for n in range(4):
+            world.see((1 if n else None, AT, None), feature=wall, thick=thick)
+        assert (world.row(1).state == "stable") == stable
+
+
+def test_background_that_gets_a_name_is_a_thing():
+    for name in ("picture", None):
+        world = CheckedMap(observations=3, split=False)
+        world.see((None, AT, None), thick=0.0)
+        for _ in range(4):
+            world.see((0, AT, None), thick=0.0)
+        assert world.objects[0].is_background
+        if name is None:
+            world.objects.relabel(0, "poster", np.ones(8) / np.sqrt(8))
+        happened = [event for _ in range(8) for event in world.see((0, AT, name), thick=0.0)]
+        assert happened == [("stable", 0)]
+        assert not world.objects[0].is_background
+
+
+def test_background_goes_once_it_is_out_of_view_and_is_folded_into_nothing():
+    world = CheckedMap(observations=3, silent_keyframes=5, silent_seconds=0.0, merge=True, merge_every=1)
+    world.see((None, AT, None), thick=0.0)
+    for _ in range(3):
+        world.see((0, AT, None), thick=0.0)
+    assert world.see((None, AT + np.array([0.0, 0.0, 0.05]), "cup"), thick=0.0) == []
+    assert watched(world, 4, (1, AT, "cup")) == [("stable", 1)]
+    assert world.see((1, AT, "cup")) == [("removed", 0)]
+
+
+@pytest.mark.parametrize("by", ["fold", "merge", "agent"])
+def test_the_one_that_stays_was_seen_when_the_one_that_goes_was(by):
+    world = CheckedMap(observations=50, silent_keyframes=5, silent_seconds=0.0, fold=by == "fold", merge=by == "merge", merge_every=7)
+    book = (1, ELSEWHERE, "book")
+    world.see((None, AT, "cup"), (None, ELSEWHERE, "book"))
+    watched(world, 4, (0, AT, "cup"), book)
+    world.see((None, AT, "cup"), book)
+    watched(world, 2, (2, AT, "cup"), book)
+    if by == "agent":
+        merge_landmarks(0, 2, world.objects, world.smoother, "agent")
+    assert world.ids() == [0, 1]
+    assert watched(world, 5, book) == []
+    assert world.see(book) == [("removed", 0)]
+
+
+BOXES = arrays(np.float64, (2, 3), elements=st.sampled_from([-1.0, 0.0, 0.5, 1.0, 2.0])).map(lambda corners: np.sort(corners, axis=0))
+
+
+@given(BOXES, BOXES, st.sampled_from([0.0, 0.05]))
+def test_the_share_of_any_two_boxes_is_a_share(a, b, gap_m):
+    share = shared_share(a, b[None], gap_m)[0]
+    assert 0.0 <= share <= 1.0 + 1e-6
+    assert share == pytest.approx(shared_share(b, a[None], gap_m)[0])
+    assert shared_share(a, a[None], gap_m)[0] == pytest.approx(1.0)
+
+
+def test_flat_boxes_share_their_area():
+    flat, half = np.array([[0.0, 0.0, 0.0], [1.0, 1.0, 0.0]]), np.array([[0.5, 0.0, 0.0], [1.5, 1.0, 0.0]])
+    off, point = flat + np.array([0.0, 0.0, 0.1]), np.full((2, 3), 0.5) * [1.0, 1.0, 0.0]
+    assert shared_share(flat, np.array([flat, half, off, point]), 0.0) == pytest.approx([1.0, 0.5, 0.0, 1.0], abs=1e-5)
 
 
 def test_two_names_of_one_look_count_together():

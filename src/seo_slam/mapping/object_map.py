@@ -136,6 +136,7 @@ class ObjectMap:
         thing.observations += 1
         thing.last_seen_s = timestamp_s
         thing.changed()
+        thing.is_background &= not thing.label
         events = []
         if before and thing.label != before:
             thing.version += 1
@@ -202,6 +203,7 @@ class ObjectMap:
         keep.last_seen_s = max(keep.last_seen_s, drop.last_seen_s)
         if "stable" in (keep.state, drop.state):
             keep.state = "stable"
+        keep.is_background &= drop.is_background
         if keep.fixed_label is None:
             keep.fixed_label, keep.fixed_embedding, keep.fixed_category = drop.fixed_label, drop.fixed_embedding, drop.fixed_category
         keep.version += 1
@@ -232,6 +234,7 @@ class ObjectMap:
         for one in (thing, new):
             one.version += 1
             one.changed()
+            one.is_background &= not one.label
         self.things[new_id] = new
         return new
 
@@ -268,6 +271,7 @@ class ObjectMap:
         """Set the label of a thing, its unit embedding (D,) and the plain word for it, whatever the detector says."""
         thing = self[landmark_id]
         thing.fixed_label, thing.fixed_embedding, thing.fixed_category = label, embedding, category
+        thing.is_background &= not label
         thing.version += 1
         thing.changed()
 

@@ -18,6 +18,9 @@ from seo_slam.types import IntArray
 
 SOURCE = "status check"
 
+LEAST_GAP_M = 1e-6
+"""Without any gap a flat box would have no volume to take a share of."""
+
 
 class StatusChecks:
     """Decides about a landmark from the distribution of the words in its observation list alone."""
@@ -29,6 +32,7 @@ class StatusChecks:
         self._map = object_map
         self._keyframe = -1
         self._last_seen: dict[int, int] = {}
+        self._passed: dict[int, int] = {}  # with how many observations what is silent has passed
 
     def step(self, view: DepthView, hits: IntArray, smoother: Smoother) -> list[MapEvent]:
         """Check what was seen in a keyframe, and what has not been seen for long.
@@ -48,7 +52,7 @@ class StatusChecks:
         events: list[MapEvent] = []
         if self._settings.split:
             events += [event for landmark_id in seen for event in self._split(self._map[landmark_id], smoother)]
-        events += [event for landmark_id in seen for event in self._becomes_stable(self._map[landmark_id], smoother)]
+        events += [event for landmark_id in seen for event in self._becomes_stable(self._map[landmark_id])]
         if self._settings.fold:
             events += self._fold_doubles([i for i in seen if i in self._map], smoother)
         events += self._check_silent(view.timestamp_s, smoother)
@@ -63,24 +67,27 @@ class StatusChecks:
             return False
         return record.majority(settings.alike_cosine) >= settings.majority - 1e-9
 
-    def _becomes_stable(self, thing: Thing, smoother: Smoother) -> list[MapEvent]:
-        if thing.state == "stable" or not self.passes(thing):
+    def _becomes_stable(self, thing: Thing) -> list[MapEvent]:
+        if thing.state == "stable" or thing.is_background or not self.passes(thing) or self._is_judged_background(thing):
             return []
-        if self._is_background(thing):
-            return [self._remove(thing, smoother)]
         thing.state, thing.existence = "stable", 1.0
         thing.version += 1
         return [MapEvent("stable", thing.id, thing.label)]
+
+    def _is_judged_background(self, thing: Thing) -> bool:
+        """Whether it is no thing; that is judged once, and again when it got a name and lost it."""
+        thing.is_background = thing.is_background or (not thing.label and self._is_background(thing))
+        return thing.is_background
 
     def _is_background(self, thing: Thing) -> bool:
         """Whether something without a word is no thing: a flat piece of a surface, or what looks more like wall than like anything said.
 
         Segmenters cut walls and floors into pieces wherever furniture stands before them, and the pictures of such pieces show the
-        furniture. By now the errors of single views have averaged out, of the points as well as of the looks.
+        furniture. By now the errors of single views have averaged out, of the points as well as of the looks. What is no thing stays
+        in the map while it is seen, never stable: were it removed, the next view of it would make another one.
         """
-        if thing.label:
-            return False
-        if thickness_m(self._map.cloud(thing).p_world) <= self._settings.flat_m:
+        p_world, flat_m = self._map.cloud(thing).p_world, self._settings.flat_m
+        if flat_m > 0 and len(p_world) and thickness_m(p_world) <= flat_m:
             return True
         said = sorted({word for other in self._map.things.values() for word in other.weights})
         if not said or not self._settings.background:
@@ -92,20 +99,32 @@ class StatusChecks:
         smoother.remove(thing.id)
         self._map.forget(thing.id)
         self._last_seen.pop(thing.id, None)
+        self._passed.pop(thing.id, None)
         return MapEvent("removed", thing.id, thing.label, SOURCE)
 
     def _check_silent(self, now_s: float, smoother: Smoother) -> list[MapEvent]:
-        """Remove what is not seen any more and does not pass; what passes is not asked again until it is seen."""
+        """Remove what is not seen any more and does not pass, or is no thing; what passes is not asked again until it is seen."""
         events = []
         for landmark_id, last in list(self._last_seen.items()):
             if landmark_id not in self._map:
                 del self._last_seen[landmark_id]
+                self._passed.pop(landmark_id, None)
                 continue
             thing = self._map[landmark_id]
-            long_ago = self._keyframe - last > self._settings.silent_keyframes
-            if long_ago and now_s - thing.last_seen_s >= self._settings.silent_seconds and not self.passes(thing):
+            newest = last if thing.record is None else max(last, thing.record.last_keyframe)  # also of what was merged into it
+            long_ago = self._keyframe - newest > self._settings.silent_keyframes
+            if long_ago and now_s - thing.last_seen_s >= self._settings.silent_seconds and not self._stays(thing):
                 events.append(self._remove(thing, smoother))
         return events
+
+    def _stays(self, thing: Thing) -> bool:
+        """Whether something silent passes, and is a thing; what only an observation can change is remembered."""
+        if self._passed.get(thing.id) == thing.observations:
+            return True
+        if not self.passes(thing) or (thing.state != "stable" and self._is_judged_background(thing)):
+            return False
+        self._passed[thing.id] = thing.observations
+        return True
 
     def _split(self, thing: Thing, smoother: Smoother) -> list[MapEvent]:
         """Part a thing that was seen under two words at once in many of the newest keyframes."""
@@ -145,7 +164,7 @@ class StatusChecks:
         Seen from another side, a thing shows other points: the overlap is small, and it comes twice. Two sides look alike, touch, and are
         never detected at once, whereas two things side by side sooner or later are. Boxes are compared, never points.
         """
-        things = [thing for thing in self._map.things.values() if len(self._map.cloud(thing))]
+        things = [thing for thing in self._map.things.values() if len(self._map.cloud(thing)) and not thing.is_background]
         if len(things) < 2:
             return []
         bounds = np.array([self._map.cloud(thing).inner_bounds for thing in things])
@@ -172,7 +191,7 @@ class StatusChecks:
 
     def _merge_overlapping(self, smoother: Smoother) -> list[MapEvent]:
         """Fold landmarks whose clouds overlap: connected components of pairs, each into its most observed one."""
-        things = [thing for thing in self._map.things.values() if thing.record is not None]
+        things = [thing for thing in self._map.things.values() if thing.record is not None and not thing.is_background]
         clouds = [self._map.cloud(thing) for thing in things]
         events = []
         for group in _groups(self._pairs(clouds), len(things)):
@@ -197,7 +216,11 @@ def thickness_m(p_world: FloatArray) -> float:
 
 
 def shared_share(box: FloatArray, others: FloatArray, gap_m: float) -> FloatArray:
-    """Return (N,) the share of the smaller of two boxes that lies in the other one, both grown by ``gap_m``: of (2, 3) with (N, 2, 3)."""
+    """Return (N,) the share of the smaller of two boxes that lies in the other one, both grown by ``gap_m``: of (2, 3) with (N, 2, 3).
+
+    They are grown by ``LEAST_GAP_M`` at least, so that a flat box has a share of its area, and a point is in a box or not.
+    """
+    gap_m = max(gap_m, LEAST_GAP_M)
     low = np.maximum(box[0], others[:, 0]) - gap_m
     high = np.minimum(box[1], others[:, 1]) + gap_m
     common = np.prod(np.maximum(high - low, 0.0), axis=1)

@@ -37,6 +37,7 @@ class Thing:
         fixed_category: the plain word it gave beside it, "" if the label is one.
         cov_world: (3, 3) of its position, as last asked of the smoother.
         record: its observations with their points; None where no clouds are kept.
+        is_background: it has no word, and was judged to be a piece of a wall or the like: it takes in what is seen of it, and is no thing.
     """
 
     id: int
@@ -59,6 +60,7 @@ class Thing:
     fixed_category: str = ""
     cov_world: FloatArray = field(default_factory=lambda: UNKNOWN_SIGMA_M**2 * np.eye(3))
     record: ObservationRecord | None = None
+    is_background: bool = False
     _size_m: FloatArray | None = None
     _across_m: FloatArray | None = None
     _words: dict[str, float] | None = None

@@ -32,9 +32,12 @@ class StatusSettings(Settings):
         0.75, ge=-1, le=1, description="features from which two words are names of one thing, and count together; 1: never (the paper)"
     )
     background: tuple[str, ...] = Field(
-        ("wall", "floor", "ceiling"), description="a landmark without a word that looks more like these than like any word said is dropped"
+        ("wall", "floor", "ceiling"),
+        description="a landmark without a word that looks more like these than like any word said never becomes stable; none: looks do not count",
     )
-    flat_m: float = Field(0.04, ge=0, description="a landmark without a word that is no thicker is a piece of a surface; 0: it is kept")
+    flat_m: float = Field(
+        0.04, ge=0, description="nor does one without a word that is no thicker, a piece of a surface; 0: thickness does not count"
+    )
     silent_keyframes: int = Field(10, ge=1, description="a landmark not seen for so many keyframes is checked")
     silent_seconds: float = Field(2.0, ge=0, description="and for so long")
     split: bool = Field(True, description="part a landmark that is seen under two words at once")
