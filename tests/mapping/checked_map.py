@@ -28,7 +28,7 @@ class CheckedMap:
         self.smoother.start(T_WORLD_FIRST, 1e-6 * np.eye(6))
         self.keyframes = 0
 
-    def see(self, *seen, period_s=0.5, half_m=0.05, feature=None, thick=1.0):
+    def see(self, *seen, period_s=0.5, half_m=0.05, feature=None, thick=1.0, placed=True):
         """One keyframe; return [(kind, id), …] of what happened; new and renamed ones are not told."""
         made = tiny_observations(np.array([p for _, p, _ in seen]).reshape(-1, 3), tuple(word for _, _, word in seen))
         points = half_m * np.random.default_rng(3).uniform(-1, 1, (300, 3)) * np.array([1.0, 1.0, thick])
@@ -41,7 +41,7 @@ class CheckedMap:
         self.keyframes += 1
         known, positions = self.smoother.positions()
         own = positions[np.searchsorted(known, ids)]
-        events = self.objects.integrate(made, ids, T_WORLD_FIRST, stamp_s, own, self.smoother.poses())
+        events = self.objects.integrate(made, ids, T_WORLD_FIRST, stamp_s, own, self.smoother.poses(), placed)
         view = DepthView(TINY_CAMERA, np.zeros((TINY_CAMERA.height, TINY_CAMERA.width), np.float32), T_WORLD_FIRST, stamp_s)
         events += self.checks.step(view, ids, self.smoother)
         return [(event.kind, event.landmark_id) for event in events if event.kind not in ("created", "relabelled")]

@@ -320,3 +320,34 @@ def test_folding_can_be_switched_off_as_in_the_paper():
     watched(world, 3, (0, AT, "cup"))
     world.see((None, ASIDE, "cup"))
     assert watched(world, 5, (1, ASIDE, "cup")) == []
+
+
+@pytest.mark.parametrize("smoother", [None, GtsamSmoother], ids=["given poses", "gtsam"])
+def test_a_guessed_camera_adds_words_but_no_points(smoother):
+    world = CheckedMap(smoother() if smoother else None, observations=6, split_keyframes=3, flat_m=0.0, background=())
+    world.see((None, AT, "cup"))
+    thing, cloud = world.objects[0], world.row(0).cloud_world
+    for _ in range(4):
+        world.see((0, AT + 0.02, "cup"), half_m=0.5, placed=False)
+    np.testing.assert_array_equal(world.row(0).cloud_world, cloud)
+    assert [len(kept) for kept in (thing.surface_views, thing.whole_sizes + thing.cut_sizes)] == [1, 1]
+    assert (thing.observations, thing.record.counts()) == (5, {"cup": 5})
+    assert world.see((0, AT, "cup"), placed=False) == [("stable", 0)]
+    # split by measurements of both kinds: the smoother has one for each observation
+    watched(world, 3, (0, AT, "cup"), (0, ASIDE, "book"))
+    assert world.see((0, AT, "cup"), (0, ASIDE, "book"), placed=False)[0] == ("split", 1)
+    np.testing.assert_allclose(world.row(1).position_m, ASIDE, atol=0.02)
+    np.testing.assert_allclose(world.smoother.positions()[1][1], ASIDE, atol=1e-3)
+
+
+def test_what_was_only_seen_by_a_guessed_camera_has_no_points():
+    world = CheckedMap(observations=3, split_keyframes=3, background=())
+    world.see((None, AT, "cup"))
+    for _ in range(4):
+        world.see((0, AT, "cup"), (0, ASIDE, "book"), (0, ASIDE, None), placed=False)
+    assert world.ids() == [0, 1]
+    assert (len(world.row(0).cloud_world) > 0, len(world.row(1).cloud_world)) == (True, 0)
+    np.testing.assert_allclose(world.row(1).position_m, ASIDE, atol=1e-3)  # as the smoother has it
+    assert len(world.objects.landmarks(world.smoother).clouds) == 2
+    world.see((1, ASIDE, "book"))
+    assert len(world.row(1).cloud_world) > 0

@@ -94,6 +94,7 @@ class ObjectMap:
         timestamp_s: float,
         p_world: FloatArray,
         poses: FloatArray | None = None,
+        placed: bool = True,
     ) -> list[MapEvent]:
         """Fold one keyframe into the map.
 
@@ -104,6 +105,7 @@ class ObjectMap:
             timestamp_s: of the keyframe.
             p_world: (K, 3) positions of the things.
             poses: (T, 4, 4) of all keyframes as they are estimated now, this one last; needed where clouds are kept.
+            placed: False where the camera's pose is a guess (the odometry was lost): words and looks count, points and extents do not.
         """
         self._poses = np.asarray(T_world_camera)[None] if poses is None else poses
         events = []
@@ -112,8 +114,9 @@ class ObjectMap:
                 self.things[landmark_id] = Thing(landmark_id, timestamp_s, timestamp_s, np.zeros(self.embedding_size))
                 events.append(MapEvent("created", landmark_id, observations.labels[row] or ""))
             thing = self.things[landmark_id]
-            events += self._integrate_one(thing, observations, row, timestamp_s)
-            self._remember_shape(thing, observations, row, T_world_camera, p_world[row])
+            events += self._integrate_one(thing, observations, row, timestamp_s, placed)
+            if placed:
+                self._remember_shape(thing, observations, row, T_world_camera, p_world[row])
         self._count_apart(landmark_ids, observations.boxes_px)
         return events
 
@@ -123,11 +126,12 @@ class ObjectMap:
         observations: Observations,
         row: int,
         timestamp_s: float,
+        placed: bool,
     ) -> list[MapEvent]:
         before = thing.label
         if self.clouds.enabled:
             thing.record = thing.record or ObservationRecord(self.clouds)
-            keyframe, cloud = len(self._poses) - 1, observations.clouds[row]
+            keyframe, cloud = len(self._poses) - 1, observations.clouds[row] if placed else np.zeros((0, 3))
             thing.record.add(observations.labels[row], keyframe, observations.embeddings[row], cloud, self._poses)
         label, score = observations.labels[row], max(float(observations.scores[row]), LEAST_WEIGHT)
         if label:
