@@ -17,6 +17,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from pydantic import BaseModel
 from run_options import frozen_level, size_from
 from simulated_runs import Failure, commit, embedder_of, in_parallel, report_failures
 
@@ -139,7 +140,10 @@ class TrialJob:
             "navigation": self.settings.model_dump(mode="json"),
             "options": dataclasses.asdict(self.options),
         }
-        return {"format": ROW_FORMAT, "settings": hashlib.sha256(json.dumps(given, sort_keys=True).encode()).hexdigest()[:16]}
+        return {
+            "format": ROW_FORMAT,
+            "settings": hashlib.sha256(json.dumps(given, sort_keys=True, default=BaseModel.model_dump).encode()).hexdigest()[:16],
+        }
 
 
 @functools.lru_cache(maxsize=8)

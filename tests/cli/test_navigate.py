@@ -11,6 +11,7 @@ from driven_homes import apartment, mapped
 
 from seo_slam.driving import homes
 from seo_slam.map import Map
+from seo_slam.navigation.navigator import Navigator
 from seo_slam.simulation.resting import anchors_of
 
 SMALL = ("--world", "apartment:10", "--size", "96x72", "--senses", "true", "--level", "0")
@@ -23,8 +24,13 @@ def map_folder(tmp_path_factory):
 
 @pytest.fixture
 def planned(monkeypatch):
-    """The home that the other tests of this run have planned already."""
-    monkeypatch.setattr(homes, "home_named", lambda *args: apartment())
+    """The home that the other tests of this run have planned already; what the command asks for is right."""
+
+    def home_named(*asked):
+        assert asked == ("apartment:10", 0.0, None, (96, 72))
+        return apartment()
+
+    monkeypatch.setattr(homes, "home_named", home_named)
 
 
 def carried():
@@ -34,7 +40,7 @@ def carried():
     return next(t for t in world.things if t.kind == "volatile" and labels.count(t.label) == 1 and anchors_of(world)[t.id])
 
 
-def test_a_thing_is_found_and_the_way_is_drawn(run, map_folder, tmp_path):
+def test_a_thing_is_found_and_the_way_is_drawn(run, map_folder, planned, tmp_path):
     picture = tmp_path / "search.svg"
     status, out, err = run("navigate", map_folder, f"the {carried().label}", *SMALL, "--seed", 1, "--out", picture)
     assert (status, err) == (0, "")
@@ -52,10 +58,30 @@ def test_a_moved_thing_is_said_to_be_moved(run, map_folder, planned):
 
 
 def test_what_is_not_there_is_not_found(run, map_folder, planned):
-    status, out, _ = run("navigate", map_folder, "qzxv wvkj", *SMALL)
+    status, out, _ = run("navigate", map_folder, "qzxv wvkj", *SMALL, "--set", "navigation.unknown=answer")
     assert status == 1
-    assert "not found" in out
+    assert "\nnot found " in out
     assert "nothing in this world has that name" in out
+    assert " 0 frames" in out
+
+
+def test_settings_reach_the_robot(run, map_folder, planned, monkeypatch):
+    """The words of the command end in what the navigator is made with; --strategy wins over --set."""
+    made = []
+    init = Navigator.__init__
+
+    def noted(self, abstract_map, mapper, embedder, settings, **parts):
+        made.append((settings, parts["planning"], parts["abstraction"], parts["scene"]))
+        init(self, abstract_map, mapper, embedder, settings, **parts)
+
+    monkeypatch.setattr(Navigator, "__init__", noted)
+    sets = ("navigation.unknown=answer", "navigation.attempts=7", "planner.radius_m=0.2", "abstraction.next_to_m=0.5", "layout.cell_m=0.06")
+    words = [word for setting in sets for word in ("--set", setting)]
+    run("navigate", map_folder, "qzxv wvkj", *SMALL, *words, "--set", "navigation.strategy=random")
+    run("navigate", map_folder, "qzxv wvkj", *SMALL, *words, "--set", "navigation.strategy=random", "--strategy", "original")
+    search, planner, abstraction, layout = made[0]
+    assert (search.attempts, planner.radius_m, abstraction.next_to_m, layout.cell_m) == (7, 0.2, 0.5, 0.06)
+    assert [row[0].strategy for row in made] == ["random", "original"]
 
 
 def test_mistakes_end_with_one_clear_line(run, map_folder, tmp_path):
@@ -66,6 +92,9 @@ def test_mistakes_end_with_one_clear_line(run, map_folder, tmp_path):
         ((map_folder, "cup", "--world", "castle"), "wanted house, or apartment:SEED"),
         ((map_folder, "cup", *SMALL, "--out", tmp_path / "search.png"), "ends in .svg"),
         ((map_folder, "cup", *SMALL, "--size", "big"), "WIDTHxHEIGHT"),
+        ((map_folder, "cup", *SMALL, "--set", "navigation.attemps=3"), "attempts"),
+        ((map_folder, "cup", *SMALL, "--set", "detector.name=yolo"), "navigation, planner, abstraction, layout"),
+        ((map_folder, "cup", *SMALL, "--set", "navigation"), "navigation.attempts=5"),
         ((tmp_path / "nowhere", "cup", *SMALL), "nowhere"),
     ):
         status, out, err = run("navigate", *words)

@@ -9,15 +9,21 @@ import typer
 
 from seo_slam.cli.progress import with_progress
 from seo_slam.cli.simulate import image_size
-from seo_slam.errors import MapError
+from seo_slam.errors import ConfigError, MapError
 
 if TYPE_CHECKING:
+    from seo_slam.config import Config
     from seo_slam.driving.run_trial import TrialResult
     from seo_slam.map import Map
     from seo_slam.simulation.home import SimulatedHome
 
 NOT_FOUND = 1
 """Exit status of a search that did not end before the thing."""
+
+GROUPS = ("navigation", "planner", "abstraction", "layout")
+"""Settings that ``--set`` takes: all that the robot's search and ways, and its abstract map, have."""
+
+_HELP_SET = f"Change one setting of {', '.join(GROUPS)}, e.g. --set navigation.attempts=5; may be given often."
 
 
 class Moved(StrEnum):
@@ -51,9 +57,12 @@ def navigate(
     seed: Annotated[int, typer.Option(min=0, help="Another start, another place that the thing was moved to.")] = 0,
     level: Annotated[float, typer.Option(help="How imperfect depth and detector are: 0 perfect, 1 a poor day.")] = 0.5,
     senses: Annotated[Senses, typer.Option(help="dualmap: the pipeline; true: it is told what it sees.")] = Senses.DUALMAP,
-    strategy: Annotated[Strategy, typer.Option(help="Next candidate from the map as updated, as it was, or random.")] = Strategy.UPDATED,
+    strategy: Annotated[
+        Strategy | None, typer.Option(help="Next candidate from the map as updated, as it was, or random.", show_default="updated")
+    ] = None,
     size: Annotated[str, typer.Option(metavar="WxH", help="Size of the robot's images, pixels.")] = "320x240",
     out: Annotated[Path | None, typer.Option(help="Picture of the search, an .svg file.")] = None,
+    settings: Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help=_HELP_SET)] = None,
     make_map: Annotated[bool, typer.Option("--make-map", help="If MAP holds none: map the world first, on a tour. Takes minutes.")] = False,
 ) -> None:
     """Drive a simulated robot to what TEXT names in MAP. Exit status 0: it stopped before it; 1: it did not."""
@@ -61,24 +70,32 @@ def navigate(
     from seo_slam.driving.homes import home_named
     from seo_slam.driving.mappers import mapper_named
     from seo_slam.driving.pictures import require_svg, write_picture
-    from seo_slam.driving.run_trial import run_trial
+    from seo_slam.driving.run_trial import DriveOptions, run_trial
     from seo_slam.map import MAP_FILE, Map, embedder_of
-    from seo_slam.settings.navigation import NavigationSettings
 
     if out is not None:
         require_svg(out)
+    chosen = _settings(settings or [], strategy)
     mapped = None if make_map and not (map_path / MAP_FILE).exists() else _with_abstract(Map.load(map_path), map_path)
     home = home_named(world, level, meshes, image_size(size))
     if mapped is None:
-        mapped = _made_map(home, map_path, senses)
+        mapped = _made_map(home, map_path, senses, chosen)
     embedder = embedder_of(mapped.embedder)
     trial = errand(home, text, None if moved is None else moved.value, seed, mapped.abstract.rooms if mapped.abstract else ())
     x, y = trial.start_xy
     typer.echo(f"{home.name}, level {level:g}: {text!r}, from x={x:.2f} y={y:.2f}")
     for line in moves_in_words(home.world, trial):
         typer.echo(f"moved       {line}")
-    settings = NavigationSettings(strategy=strategy.value)
-    result = run_trial(home, mapped, trial, make_mapper=mapper_named(senses.value), embedder=embedder, settings=settings, drive=seed)
+    result = run_trial(
+        home,
+        mapped,
+        trial,
+        make_mapper=mapper_named(senses.value),
+        embedder=embedder,
+        settings=chosen.navigation,
+        options=DriveOptions(planner=chosen.planner, abstraction=chosen.abstraction, layout=chosen.layout),
+        drive=seed,
+    )
     typer.echo(_told(mapped, result))
     if out is not None:
         typer.echo(f"picture     {write_picture(mapped, result, out)}")
@@ -92,15 +109,28 @@ def _with_abstract(mapped: "Map", path: Path) -> "Map":
     return mapped
 
 
-def _made_map(home: "SimulatedHome", folder: Path, senses: Senses) -> "Map":
+def _settings(assignments: list[str], strategy: Strategy | None) -> "Config":
+    """The settings of a search; --strategy wins."""
+    from seo_slam.config import Config
+
+    for text in assignments:
+        group, dot, _ = text.strip().partition(".")
+        if not dot or group not in GROUPS:
+            raise ConfigError(f"--set {text}: wanted a setting of {', '.join(GROUPS)}, for example navigation.attempts=5")
+    given = [] if strategy is None else [f"navigation.strategy={strategy.value}"]
+    return Config().with_settings([*assignments, *given])
+
+
+def _made_map(home: "SimulatedHome", folder: Path, senses: Senses, chosen: "Config") -> "Map":
     from seo_slam import registry
-    from seo_slam.driving.home_map import map_home
+    from seo_slam.driving.home_map import MappingSettings, map_home
     from seo_slam.driving.mappers import mapper_named
 
     def progress(frames: range) -> Iterator[int]:
         return with_progress(frames, len(frames), "mapping")
 
-    return map_home(home, mapper_named(senses.value), registry.create("embedder", "auto"), folder=folder, progress=progress)
+    settings = MappingSettings(chosen.abstraction, chosen.layout)
+    return map_home(home, mapper_named(senses.value), registry.create("embedder", "auto"), settings, folder, progress)
 
 
 def _told(mapped: "Map", result: "TrialResult") -> str:

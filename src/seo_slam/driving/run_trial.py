@@ -3,7 +3,7 @@
 import time
 from collections.abc import Callable, Sequence
 from contextlib import closing
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -21,7 +21,9 @@ from seo_slam.map import Map
 from seo_slam.navigation.navigator import Navigator
 from seo_slam.navigation.outcomes import Attempt, Command, Outcome
 from seo_slam.navigation.query import candidates, parsed
+from seo_slam.settings.abstraction import AbstractionSettings
 from seo_slam.settings.navigation import NavigationSettings
+from seo_slam.settings.planning import LayoutSettings, PlannerSettings
 from seo_slam.simulation.home import SimulatedHome
 from seo_slam.simulation.shortest import ShortestWays
 from seo_slam.simulation.tour import RATE_HZ
@@ -40,12 +42,17 @@ class DriveOptions:
         most_frames: after which the drive is over.
         drifts: the robot's odometry drifts as the level says; else its poses are given.
         size_px: width and height of the images; None: as the home's.
+        planner, abstraction, layout: settings of the navigator beside those of the search: how ways are found, how what it maps becomes
+            anchors, and how floor is found on the way.
     """
 
     rate_hz: float = RATE_HZ
     most_frames: int = 3000
     drifts: bool = False
     size_px: tuple[int, int] | None = None
+    planner: PlannerSettings = field(default_factory=PlannerSettings)
+    abstraction: AbstractionSettings = field(default_factory=AbstractionSettings)
+    layout: LayoutSettings = field(default_factory=LayoutSettings)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -132,7 +139,16 @@ def run_trial(
     )
     mapper = make_mapper(robot, robot.odometry, embedder)
     with closing(mapper):
-        navigator = Navigator(abstract, mapper, embedder, settings, seed=drive)
+        navigator = Navigator(
+            abstract,
+            mapper,
+            embedder,
+            settings,
+            planning=options.planner,
+            abstraction=options.abstraction,
+            scene=options.layout,
+            seed=drive,
+        )
         outcome = _driven(robot, navigator, trial.query, options.most_frames, watch)
     facts = Drive(
         home=name or home.name,
