@@ -22,7 +22,9 @@ MOVABLE = (
 
 @pytest.fixture(scope="module")
 def minilm():
-    return registry.create("embedder", "minilm")
+    model = registry.create("embedder", "minilm")
+    model.embed_text(["loads the model"])
+    return model
 
 
 def test_few_unknown_words_are_decided_wrongly_and_size_decides_the_rest(minilm):
