@@ -351,3 +351,31 @@ def test_what_was_only_seen_by_a_guessed_camera_has_no_points():
     assert len(world.objects.landmarks(world.smoother).clouds) == 2
     world.see((1, ASIDE, "book"))
     assert len(world.row(1).cloud_world) > 0
+
+
+def test_what_is_silent_and_passes_is_asked_once(monkeypatch):
+    world = CheckedMap(observations=4, silent_keyframes=3, silent_seconds=0.0)
+    book = (1, ELSEWHERE, "book")
+    world.see((None, AT, "cup"), (None, ELSEWHERE, "book"))
+    watched(world, 5, (0, AT, "cup"), book)
+    asked, passes = [], world.checks.passes
+    monkeypatch.setattr(world.checks, "passes", lambda thing: asked.append(thing.id) or passes(thing))
+    watched(world, 12, book)
+    assert asked == [0]
+    watched(world, 3, (0, AT, "bowl"), book)  # seen again, as something else: 6 of 9 are two thirds
+    watched(world, 1, (0, AT, "bowl"), book)
+    world.objects[0].state = "tentative"
+    watched(world, 6, book)
+    assert world.ids() == [1]
+
+
+def test_background_joined_with_a_thing_is_judged_anew():
+    world = CheckedMap(observations=3, silent_keyframes=50)
+    world.see((None, AT, None), thick=0.0)
+    for _ in range(4):
+        world.see((0, AT, None), thick=0.0)
+    world.see((None, AT, None))
+    assert (world.objects[0].is_background, world.objects[1].is_background) == (True, False)
+    merge_landmarks(0, 1, world.objects, world.smoother, "agent")
+    assert not world.objects[0].is_background
+    assert world.see((0, AT, None)) == [("stable", 0)]
