@@ -329,9 +329,11 @@ class Pipeline:
             self._estimate = parts.smoother.update(motion, whole, landmark_ids[used])
         if motion is not None:
             self._placed(frame, step)
+        lost = (
+            motion is not None and motion.status == "lost"
+        )  # a guessed camera places and misses nothing
         with clock.stage("map"):
-            events = self._integrate(frame, observations[used], landmark_ids[used])
-        lost = motion is not None and motion.status == "lost"  # a guessed camera misses nothing, and shows nothing of the floor
+            events = self._integrate(frame, observations[used], landmark_ids[used], placed=not lost)
         if not lost:
             with clock.stage("scene"):
                 warnings += self._abstraction.see(frame, self._estimate.T_world_camera, self._keyframes - 1)
@@ -354,12 +356,12 @@ class Pipeline:
         self._counts.events += [(self._keyframe_id, event) for event in events]
         return _KeyframeOutcome(detections, observations, association, landmark_ids, tuple(events), tuple(edits))
 
-    def _integrate(self, frame: Frame, observations: Observations, landmark_ids: IntArray) -> list[MapEvent]:
+    def _integrate(self, frame: Frame, observations: Observations, landmark_ids: IntArray, placed: bool) -> list[MapEvent]:
         """Fold the measurements into what is known of the things, and doubles into one."""
         ids, p_world = self.parts.smoother.positions()
         own = p_world[np.searchsorted(ids, landmark_ids)]
         poses = self.parts.smoother.poses() if self.config.clouds.enabled else None
-        events = self._objects.integrate(observations, landmark_ids, self._estimate.T_world_camera, frame.timestamp_s, own, poses)
+        events = self._objects.integrate(observations, landmark_ids, self._estimate.T_world_camera, frame.timestamp_s, own, poses, placed)
         if self.config.map.merge_duplicates:
             events += self._merge_duplicates(frame, landmark_ids)
         return events
