@@ -33,7 +33,7 @@ class StatusSettings(Settings):
     )
     background: tuple[str, ...] = Field(
         ("wall", "floor", "ceiling"),
-        description="a landmark without a word that looks more like these than like any word said is never stable; none: looks do not count",
+        description="a landmark without a word that looks more like these than any word said is never stable; none: looks do not count",
     )
     flat_m: float = Field(
         0.04, ge=0, description="nor does one without a word that is no thicker, a piece of a surface; 0: thickness does not count"
