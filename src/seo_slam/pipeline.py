@@ -329,9 +329,7 @@ class Pipeline:
             self._estimate = parts.smoother.update(motion, whole, landmark_ids[used])
         if motion is not None:
             self._placed(frame, step)
-        lost = (
-            motion is not None and motion.status == "lost"
-        )  # a guessed camera places and misses nothing
+        lost = motion is not None and motion.status == "lost"  # a guessed camera places and misses nothing
         with clock.stage("map"):
             events = self._integrate(frame, observations[used], landmark_ids[used], placed=not lost)
         if not lost:

@@ -97,7 +97,6 @@ def test_with_another_embedder_its_features_are_made_of_its_words():
         assert all(volatile.feature.shape == (24,) for volatile in new.volatiles)
 
 
-
 def test_a_flat_of_100_m2_takes_less_than_a_megabyte():
     source = an_abstract_map(anchors=25, volatiles=0, size=384, shape=(240, 240))
     things = an_abstract_map(anchors=1, volatiles=20, size=384).anchors[0].volatiles
