@@ -2,6 +2,7 @@
 
 import sys
 import xml.etree.ElementTree as ET
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -82,6 +83,17 @@ def test_settings_reach_the_robot(run, map_folder, planned, monkeypatch):
     search, planner, abstraction, layout = made[0]
     assert (search.attempts, planner.radius_m, abstraction.next_to_m, layout.cell_m) == (7, 0.2, 0.5, 0.06)
     assert [row[0].strategy for row in made] == ["random", "original"]
+
+
+@pytest.mark.parametrize(("off_m", "is_refused"), [((0.1, 0.1), False), ((1.5, 1.0), True), ((40.0, 0.0), True)])
+def test_a_map_of_another_floor_is_refused(run, planned, tmp_path, off_m, is_refused):
+    abstract_map = mapped().abstract
+    layout = replace(abstract_map.layout, corner_world=abstract_map.layout.corner_world + off_m)
+    mapped().with_abstract(replace(abstract_map, layout=layout)).save(tmp_path)
+    status, out, err = run("navigate", tmp_path, "qzxv wvkj", *SMALL, "--set", "navigation.unknown=answer")
+    assert (status, out == "") == ((2, True) if is_refused else (1, False))
+    assert err.startswith("error: map: " if is_refused else "")
+    assert ("of its floor is free floor in apartment" in err) == is_refused
 
 
 def test_mistakes_end_with_one_clear_line(run, map_folder, tmp_path):

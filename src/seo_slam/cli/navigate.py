@@ -67,6 +67,7 @@ def navigate(
 ) -> None:
     """Drive a simulated robot to what TEXT names in MAP. Exit status 0: it stopped before it; 1: it did not."""
     from seo_slam.driving.errand import errand, moves_in_words
+    from seo_slam.driving.home_map import require_map_of
     from seo_slam.driving.homes import home_named
     from seo_slam.driving.mappers import mapper_named
     from seo_slam.driving.pictures import require_svg, write_picture
@@ -80,6 +81,8 @@ def navigate(
     home = home_named(world, level, meshes, image_size(size))
     if mapped is None:
         mapped = _made_map(home, map_path, senses, chosen)
+    else:
+        require_map_of(mapped, home)
     embedder = embedder_of(mapped.embedder)
     trial = errand(home, text, None if moved is None else moved.value, seed, mapped.abstract.rooms if mapped.abstract else ())
     x, y = trial.start_xy

@@ -5,6 +5,8 @@ from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import numpy as np
+
 from seo_slam.abstraction.abstract_map import AbstractMap
 from seo_slam.abstraction.abstracting import abstract
 from seo_slam.abstraction.rooms import with_rooms
@@ -12,12 +14,15 @@ from seo_slam.abstraction.scene_cloud import SceneCloud
 from seo_slam.backends.recorded_odometry import RecordedOdometry
 from seo_slam.driving.driven_odometry import DrivenOdometry
 from seo_slam.driving.mappers import MakeMapper
-from seo_slam.errors import ConfigError
+from seo_slam.errors import ConfigError, MapError
 from seo_slam.interfaces import Embedder
 from seo_slam.map import MAP_FILE, Map
 from seo_slam.settings.abstraction import AbstractionSettings
 from seo_slam.settings.planning import LayoutSettings
 from seo_slam.simulation.home import SimulatedHome
+
+OWN_FLOOR = 0.9
+"""A map of a home has at least this share of its floor where the home has free floor."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,6 +83,30 @@ def map_home(
     if folder is not None:
         mapped.save(folder)
     return mapped
+
+
+def require_map_of(mapped: Map, home: SimulatedHome) -> None:
+    """Refuse a map whose floor is not that of a home: a robot would be sent through walls.
+
+    Of the floor of its own map 97 % and more is free in a home (apartments 10 and 11, by the pipeline and by the truth), of that of another
+    apartment 67 to 84 %.
+
+    Raises:
+        MapError: less than ``OWN_FLOOR`` of the floor of the map is free floor of the home.
+    """
+    layout = None if mapped.abstract is None else mapped.abstract.layout
+    if layout is None or not layout.floor.any():
+        return
+    free = home.free
+    xy_world = layout.middles(np.argwhere(layout.floor))
+    cells = np.floor((xy_world - free.corner_world) / free.cell_m).astype(np.int64)[:, ::-1]
+    inside = ((cells >= 0) & (cells < free.occupied.shape)).all(axis=1)
+    share = float(np.sum(~free.occupied[tuple(cells[inside].T)])) / len(cells)
+    if share < OWN_FLOOR:
+        raise MapError(
+            f"map: {share:.0%} of its floor is free floor in {home.name}, wanted at least {OWN_FLOOR:.0%}; it is of another home, of one "
+            "with other meshes, or in another frame"
+        )
 
 
 def abstracted(concrete: Map, cloud: SceneCloud, embedder: Embedder, settings: MappingSettings) -> Map:
