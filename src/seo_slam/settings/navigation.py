@@ -20,7 +20,7 @@ class NavigationSettings(Settings):
         0.75,
         ge=-1,
         le=1,
-        description="a match that scores so is enough, however well the map's own word did (a map made of words alone scores 1); 1: the paper",
+        description="a match that scores so is enough, however well the map did itself (one made of words alone scores 1); 1: the paper",
     )
     least_score: float = Field(0.55, ge=-1, le=1, description="below it nothing is alike: the map does not know what is asked for")
     unknown: Literal["search", "answer"] = Field(
