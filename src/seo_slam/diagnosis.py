@@ -19,6 +19,7 @@ EXTRAS = {
     "yolox": "the detector 'yolox' (ONNX weights of your own)",
     "minilm": "the embedder 'minilm': a real text embedding on a machine without a model hub",
     "sim": "simulated worlds with meshes, and drawing that is many times faster",
+    "nav": "abstract maps with rooms, and walking to things by name",
 }
 
 

@@ -18,14 +18,14 @@ def quick(monkeypatch):
 def test_table():
     result = CliRunner().invoke(app, ["doctor"])
     assert result.exit_code == 0
-    for text in ("gtsam", metadata.version("numpy"), "with R*Tree", "'auto' takes some model", "yolox", "minilm", "sim", "no problems"):
+    for text in ("gtsam", metadata.version("numpy"), "with R*Tree", "'auto' takes some model", "yolox", "minilm", "sim", "nav", "no problems"):
         assert text in result.output
 
 
 def test_json():
     content = json.loads(CliRunner().invoke(app, ["doctor", "--json"]).output)
     assert {entry["name"]: entry["version"] for entry in content["packages"]}["scipy"] == metadata.version("scipy")
-    assert [entry["name"] for entry in content["extras"]] == ["yolox", "minilm", "sim"]
+    assert [entry["name"] for entry in content["extras"]] == ["yolox", "minilm", "sim", "nav"]
     assert content["problems"] == []
     assert "two_stage" in content["plug_ins"]["associator"]
 
@@ -44,7 +44,7 @@ def test_what_is_missing_is_said(monkeypatch):
     monkeypatch.setattr(metadata, "version", without)
     monkeypatch.setattr(diagnosis, "_has_rtree", lambda: False)
     found = diagnosis.diagnose()
-    assert [extra.installed for extra in found.extras] == [False, True, False]
+    assert [extra.installed for extra in found.extras] == [False, True, False, True]
     assert found.problems[0] == "lap is required and not installed"
     assert "no R*Tree" in found.problems[1]
     output = CliRunner().invoke(app, ["doctor"]).output
