@@ -18,7 +18,17 @@ def quick(monkeypatch):
 def test_table():
     result = CliRunner().invoke(app, ["doctor"])
     assert result.exit_code == 0
-    for text in ("gtsam", metadata.version("numpy"), "with R*Tree", "'auto' takes some model", "yolox", "minilm", "sim", "nav", "no problems"):
+    for text in (
+        "gtsam",
+        metadata.version("numpy"),
+        "with R*Tree",
+        "'auto' takes some model",
+        "yolox",
+        "minilm",
+        "sim",
+        "nav",
+        "no problems",
+    ):
         assert text in result.output
 
 
