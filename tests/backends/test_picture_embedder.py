@@ -13,8 +13,6 @@ from seo_slam.config import Component
 from seo_slam.errors import BackendError, FrameError, MissingBackendError
 from seo_slam.interfaces import ImageEmbedder
 
-pytest.importorskip("PIL")
-
 CLIP = [{"type": "sentence_transformers.models.CLIPModel", "path": "0_CLIPModel"}]
 PLAIN = [{"type": "sentence_transformers.models.Transformer", "path": ""}, {"type": "sentence_transformers.models.Pooling", "path": "1"}]
 
