@@ -47,6 +47,7 @@ def test_a_scene_may_stand_anywhere(xyz, yaw):
 def test_a_map_updated_with_itself_is_the_same_map(xyz, yaw):
     made = moved(xyz, yaw)
     again = updated(made, made, SETTINGS)
+    assert len(made.anchors) == 3
     for before, after in zip(made.anchors, again.anchors, strict=True):
         assert (after.id, after.label, after.points, after.volatiles) == (before.id, before.label, before.points, before.volatiles)
         np.testing.assert_allclose(after.feature, before.feature)

@@ -135,6 +135,7 @@ def test_many_updates_with_the_same_view_change_nothing(seen, settings):
     now = old
     for _ in range(5):
         now = updated(now, old, settings)
+    assert len(old.anchors) == 2
     for before, after in zip(old.anchors, now.anchors, strict=True):
         assert (after.points, after.label, labels(after)) == (before.points, before.label, labels(before))
         np.testing.assert_allclose(after.bounds_world, before.bounds_world, atol=1e-9)

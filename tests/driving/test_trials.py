@@ -17,7 +17,9 @@ COUNTS = {"static": 26, "in_anchor": 2, "cross_anchor": 2}
 
 @cache
 def trials(kind):
-    return make_trials(apartment(), kind, COUNTS[kind], seed=1)
+    made = make_trials(apartment(), kind, COUNTS[kind], seed=1)
+    assert len(made) == COUNTS[kind]  # so that no test loops over nothing
+    return made
 
 
 @pytest.mark.parametrize("kind", COUNTS)

@@ -1,8 +1,10 @@
 """DualMap's checks of each object by itself, in place of merging in 3D: stability and splitting (III-B3)."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from seo_slam.association.overlap import overlap_shares
 from seo_slam.geometry import FloatArray
@@ -169,9 +171,9 @@ class StatusChecks:
             return []
         bounds = np.array([self._map.cloud(thing).inner_bounds for thing in things])
         looks = np.array([thing.embedding() for thing in things])
-        gone: set[int] = set()
+        seen_now, gone = set(seen), set[int]()
         events = []
-        for row in [n for n, thing in enumerate(things) if thing.id in set(seen)]:
+        for row in [n for n, thing in enumerate(things) if thing.id in seen_now]:
             inside = shared_share(bounds[row], bounds, self._settings.fold_gap_m)
             alike = looks @ looks[row] >= self._settings.fold_cosine
             for other in np.flatnonzero((inside >= self._settings.fold_share) & alike):
@@ -228,19 +230,10 @@ def shared_share(box: FloatArray, others: FloatArray, gap_m: float) -> FloatArra
     return np.asarray(common / np.minimum(volume, float(np.prod(box[1] - box[0] + 2.0 * gap_m))), dtype=np.float64)
 
 
-def _groups(pairs: Iterable[tuple[int, int]], count: int) -> list[list[int]]:
+def _groups(pairs: Sequence[tuple[int, int]], count: int) -> list[list[int]]:
     """Connected components of more than one member."""
-    parent = list(range(count))
-
-    def root(n: int) -> int:
-        while parent[n] != n:
-            n = parent[n]
-        return n
-
-    for a, b in pairs:
-        low, high = sorted((root(a), root(b)))
-        parent[high] = low
-    members: dict[int, list[int]] = {}
-    for n in range(count):
-        members.setdefault(root(n), []).append(n)
-    return [group for group in members.values() if len(group) > 1]
+    rows = np.array(pairs, dtype=np.int64).reshape(-1, 2)
+    graph = coo_array((np.ones(len(rows), dtype=np.int8), (rows[:, 0], rows[:, 1])), shape=(count, count))
+    part = connected_components(graph, directed=False)[1]
+    groups = [np.flatnonzero(part == label).tolist() for label in np.unique(part[rows])]
+    return [group for group in groups if len(group) > 1]
