@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from seo_slam.abstraction.abstract_map import Anchor, Layout
+from seo_slam.abstraction.room_finding import room_of
 from seo_slam.abstraction.room_words import ROOM_FURNITURE, room_votes
-from seo_slam.abstraction.rooms import RoomFinder, room_cells, with_rooms
+from seo_slam.abstraction.rooms import room_cells, with_rooms
 from seo_slam.backends.hashed_embedder import HashedEmbedder
 from seo_slam.settings.planning import LayoutSettings
 
@@ -66,9 +67,8 @@ def test_rooms_are_named_by_their_furniture():
     assert [room.name for room in rooms] == ["bedroom", "kitchen", "room 3"]
     assert [room.id for room in rooms] == [1, 2, 3]
     assert rooms[0].area_m2 == pytest.approx(4.85 * 5.9, rel=0.05)
-    finder = RoomFinder(layout)
-    assert [finder.room_of(each.footprint_world) for each in anchors] == [1, 2, 3]
-    assert finder.room_of(np.array([[50.0, 50.0]])) in (0, 3)
+    assert [room_of(layout, each.footprint_world) for each in anchors] == [1, 2, 3]
+    assert room_of(layout, np.array([[50.0, 50.0]])) == 0
 
 
 def test_a_second_room_of_a_kind_has_a_number_and_much_furniture_outvotes_one_piece():

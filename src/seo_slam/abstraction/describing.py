@@ -3,6 +3,7 @@
 from collections import Counter
 
 from seo_slam.abstraction.abstract_map import AbstractMap, Anchor
+from seo_slam.abstraction.room_finding import room_of
 
 _UNNAMED = "unnamed"
 
@@ -26,17 +27,8 @@ def describe(abstract_map: AbstractMap) -> str:
 
 
 def room_id_of(abstract_map: AbstractMap, anchor: Anchor) -> int:
-    """Return the id of the room in which most of an anchor's footprint lies; 0 for none.
-
-    Furniture stands on floor that nobody sees, so the rooms' cells may end before it: cells of no room do not count.
-    """
-    layout = abstract_map.layout
-    if layout is None or not layout.rooms.size:
-        return 0
-    cells = layout.cells(anchor.footprint_world)
-    inside = ((cells >= 0) & (cells < layout.rooms.shape)).all(axis=1)
-    ids = Counter(int(room) for room in layout.rooms[tuple(cells[inside].T)] if room > 0)
-    return min(ids, key=lambda room: (-ids[room], room)) if ids else 0
+    """Return the id of the room in which most of an anchor's footprint lies, or right beside which it lies; 0 for none."""
+    return room_of(abstract_map.layout, anchor.footprint_world) if abstract_map.layout is not None else 0
 
 
 def _line(anchor: Anchor) -> str:

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from seo_slam.abstraction.abstract_map import Anchor, Layout, Room
+from seo_slam.abstraction.room_finding import room_of
 from seo_slam.abstraction.room_words import room_votes
-from seo_slam.geometry import FloatArray
 from seo_slam.interfaces import Embedder
 from seo_slam.registry import missing
 from seo_slam.settings.planning import LayoutSettings
@@ -22,7 +22,6 @@ except ModuleNotFoundError as error:
     raise missing("finding rooms", error) from error
 
 _EIGHT = np.ones((3, 3), dtype=np.bool_)
-_NEAR_M = 0.3
 _ALSO = 0.5  # of the votes for the first kind: then a room is of a second kind as well
 _MOST_KINDS = 3
 
@@ -94,30 +93,12 @@ def _numbered(regions: NDArray[np.int32], layout: Layout) -> NDArray[np.int16]:
     return np.asarray(numbers[regions], dtype=np.int16).reshape(layout.floor.shape)
 
 
-class RoomFinder:
-    """Tells the room of a thing."""
-
-    def __init__(self, layout: Layout) -> None:
-        """Look at the rooms of a layout."""
-        self._layout = layout
-        empty = layout.rooms == 0
-        distance, (rows, columns) = ndimage.distance_transform_edt(empty, return_indices=True)
-        self._nearest = np.where(distance * layout.cell_m <= _NEAR_M, layout.rooms[rows, columns], 0) if not empty.all() else layout.rooms
-
-    def room_of(self, xy_world: FloatArray) -> int:
-        """Return the room in which most of some points (N, 2) are, N > 0; one on a wall counts for the room beside it; 0: in none."""
-        cells = np.clip(self._layout.cells(xy_world), 0, np.array(self._nearest.shape) - 1)
-        counts = np.bincount(self._nearest[tuple(cells.T)])
-        counts[0] = 0
-        return int(np.argmax(counts)) if counts.any() else 0
-
-
 def _names(layout: Layout, cells: NDArray[np.int16], anchors: Sequence[Anchor], embedder: Embedder, settings: LayoutSettings) -> list[str]:
     """A name for each room; the second of a kind has a number."""
-    finder = RoomFinder(replace(layout, rooms=cells))
+    parted = replace(layout, rooms=cells)
     votes: list[dict[str, float]] = [{} for _ in range(int(cells.max(initial=0)) + 1)]
     for anchor, vote in zip(anchors, room_votes([anchor.feature for anchor in anchors], embedder, settings.name_similarity), strict=True):
-        there = votes[finder.room_of(anchor.footprint_world)]
+        there = votes[room_of(parted, anchor.footprint_world)]
         there.update({kind: there.get(kind, 0.0) + weight for kind, weight in vote.items()})
     kinds = [_kind(vote) for vote in votes[1:]]
     used: Counter[str] = Counter()

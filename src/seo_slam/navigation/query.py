@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from seo_slam.abstraction.abstract_map import AbstractMap, Anchor, Layout, Room
+from seo_slam.abstraction.room_finding import room_of, room_of_box
 from seo_slam.errors import ConfigError
 from seo_slam.geometry import FloatArray
 from seo_slam.navigation.outcomes import Candidate
 
 _ARTICLE = re.compile(r"^(?:(?:the|a|an|my|our|your)(?:\s+|$))+", re.IGNORECASE)
-_BESIDE_M = (0.0, 0.15, 0.3, 0.6, 1.0)  # how far beside its footprint the floor of an anchor's room is looked for
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,23 +88,14 @@ def room_ids(rooms: Sequence[Room], name: str) -> frozenset[int]:
 
 
 def room_at(layout: Layout, low_world: FloatArray, high_world: FloatArray) -> int:
-    """Return the id of the room that most cells of a box are of, or those right beside it; 0 if there is none near.
-
-    Furniture covers its floor, so that a footprint may have no cell of a room.
-    """
-    for beside_m in _BESIDE_M:
-        (first_row, first_column), (last_row, last_column) = layout.cells(np.stack([low_world - beside_m, high_world + beside_m]))
-        window = layout.rooms[max(first_row, 0) : max(last_row + 1, 0), max(first_column, 0) : max(last_column + 1, 0)]
-        counts = np.bincount(window[window > 0].ravel())
-        if len(counts):
-            return int(np.argmax(counts))
-    return 0
+    """Return the id of the room that most cells of a box are of, or those right beside it; 0 if there is none near."""
+    return room_of_box(layout, low_world, high_world)
 
 
 def _is_in(abstract_map: AbstractMap, anchor: Anchor, room: str | None) -> bool:
     if room is None or abstract_map.layout is None:
         return True
-    return room_at(abstract_map.layout, *anchor.bounds_world) in room_ids(abstract_map.rooms, room)
+    return room_of(abstract_map.layout, anchor.footprint_world) in room_ids(abstract_map.rooms, room)
 
 
 def _candidate(anchor: Anchor, feature: FloatArray) -> Candidate:
