@@ -18,7 +18,7 @@ class RunResult:
         frames, keyframes: how many.
         lost_frames: frames whose motion odometry could not measure.
         detections, observations: how many were made, and how many of them could be placed in 3D.
-        warnings: message -> how often; of those that differ in numbers only, the first few.
+        warnings: message -> how often; those that differ in numbers only are one, told as that of the largest numbers.
         seconds: stage -> (number, p50, p95, max, total) of its seconds.
         events: (keyframe_id, event) in order.
         agents: how often agents were asked, with what result, and what became of their edits; empty without agents.

@@ -1,10 +1,13 @@
 """Messages are counted, and never kept without bound."""
 
-from seo_slam.agents.message_tally import ALIKE, MOST_MESSAGES, OTHERS, MessageTally
+from hypothesis import given
+from hypothesis import strategies as st
+
+from seo_slam.agents.message_tally import MOST_MESSAGES, OTHERS, MessageTally
 
 
-def counted(messages):
-    tally = MessageTally()
+def counted(messages, told_apart=1):
+    tally = MessageTally(told_apart)
     tally.add(messages)
     return tally.as_dict()
 
@@ -13,11 +16,15 @@ def test_a_message_is_told_as_it_came_and_counted():
     assert counted(["no detections", "2 boxes are empty", "no detections"]) == {"no detections": 2, "2 boxes are empty": 1}
 
 
-def test_messages_that_differ_in_numbers_only_are_counted_together_beyond_a_few():
-    found = counted([f"HTTP 503, another try in {0.25 * k} s" for k in range(1000)])
-    assert len(found) == ALIKE + 1
-    assert next(iter(found)) == "HTTP 503, another try in 0.0 s"
-    assert found["HTTP 503, another try in 0.0 s (and the like)"] == 1000 - ALIKE
+def test_messages_that_differ_in_numbers_only_are_one_with_the_largest():
+    depth = [f"{few} of {all_} detections have too little depth" for few, all_ in ((1, 5), (2, 7), (2, 12), (1, 30), (2, 7))]
+    assert counted([*depth, "no detections"]) == {"2 of 12 detections have too little depth (and the like)": 5, "no detections": 1}
+
+
+def test_some_can_be_told_apart_while_they_are_few():
+    seconds = [f"HTTP 503, another try in {0.25 * k} s" for k in range(1000)]
+    assert counted(seconds[:3] * 2, told_apart=3) == dict.fromkeys(seconds[:3], 2)
+    assert counted(seconds, told_apart=3) == {"HTTP 503, another try in 249.75 s (and the like)": 1000}
 
 
 def test_whatever_comes_memory_is_bounded_and_nothing_is_lost():
@@ -25,3 +32,10 @@ def test_whatever_comes_memory_is_bounded_and_nothing_is_lost():
     assert len(found) == MOST_MESSAGES + 1
     assert sum(found.values()) == 5000
     assert found[OTHERS] == 5000 - MOST_MESSAGES
+
+
+@given(st.lists(st.text("ab 0123456789.e+-", max_size=12), max_size=40), st.integers(1, 3))
+def test_nothing_is_lost_and_its_order_tells_nothing(messages, told_apart):
+    found = counted(messages, told_apart)
+    assert sum(found.values()) == len(messages)
+    assert dict(sorted(counted(messages[::-1], told_apart).items())) == dict(sorted(found.items()))

@@ -1,10 +1,10 @@
 """Which room something is in. The one rule that naming rooms, describing the map and queries for a room go by."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from seo_slam.abstraction.abstract_map import Layout
 from seo_slam.geometry import FloatArray
-from seo_slam.types import IntArray
 
 _BESIDE_M = (0.0, 0.15, 0.3, 0.6, 1.0)  # how far beside it the floor of a thing's room is looked for
 
@@ -35,7 +35,7 @@ def room_of_box(layout: Layout, low_world: FloatArray, high_world: FloatArray) -
     return 0
 
 
-def _most(rooms: IntArray) -> int:
+def _most(rooms: NDArray[np.int16]) -> int:
     """The id above 0 that is there most often, the lowest of several; 0 if there is none."""
     counts = np.bincount(rooms[rooms > 0].ravel())
     return int(np.argmax(counts)) if len(counts) else 0

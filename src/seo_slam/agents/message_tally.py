@@ -2,42 +2,58 @@
 
 import re
 from collections.abc import Iterable
+from dataclasses import dataclass, field
 
 _NUMBER = re.compile(r"\d+(?:\.\d+)?(?:e[+-]?\d+)?")
-
-ALIKE = 3
-"""So many messages that differ in their numbers only are told apart; more of them are counted together."""
 
 MOST_MESSAGES = 100
 OTHERS = "other messages, too many to be told apart"
 
 
+@dataclass(slots=True)
+class _Kind:
+    """Messages that differ in their numbers only: how often each came; only the one of the largest numbers, once they are too many."""
+
+    counts: dict[str, int] = field(default_factory=dict)
+    is_together: bool = False
+
+    def add(self, message: str, most: int) -> None:
+        self.counts[message] = self.counts.get(message, 0) + 1
+        if len(self.counts) > (1 if self.is_together else most):
+            largest = max(self.counts, key=_numbers)
+            self.counts = {largest: sum(self.counts.values())}
+            self.is_together = True
+
+
 class MessageTally:
     """Counts messages. What is too much to be told apart is counted together, so that nothing is lost and nothing grows."""
 
-    def __init__(self) -> None:
-        """Start with none."""
-        self._counts: dict[str, int] = {}
-        self._alike: dict[str, list[str]] = {}  # message without its numbers -> the first such messages
+    def __init__(self, told_apart: int = 1) -> None:
+        """Start with none.
+
+        Args:
+            told_apart: so many messages that differ in their numbers only are counted each by itself. Where there are more, all of them
+                are one message: that of the largest numbers (the first number counts first), marked as one of many.
+        """
+        self._told_apart = told_apart
+        self._kinds: dict[str, _Kind] = {}  # by the message without its numbers
 
     def add(self, messages: Iterable[str]) -> None:
         """Count each message once more."""
         for message in messages:
-            told = self._told(message)
-            self._counts[told] = self._counts.get(told, 0) + 1
+            kind = _NUMBER.sub("#", message)
+            if len(self._kinds) >= MOST_MESSAGES and kind not in self._kinds:
+                kind = message = OTHERS
+            self._kinds.setdefault(kind, _Kind()).add(message, self._told_apart)
 
     def as_dict(self) -> dict[str, int]:
-        """Return message -> how often, in the order of their first time."""
-        return dict(self._counts)
+        """Return message -> how often; kinds in the order of their first time."""
+        return {
+            f"{message} (and the like)" if kind.is_together else message: count
+            for kind in self._kinds.values()
+            for message, count in kind.counts.items()
+        }
 
-    def _told(self, message: str) -> str:
-        if message in self._counts:
-            return message
-        kind = _NUMBER.sub("#", message)
-        if len(self._alike) >= MOST_MESSAGES and kind not in self._alike:
-            return OTHERS
-        alike = self._alike.setdefault(kind, [])
-        if len(alike) >= ALIKE:
-            return f"{alike[0]} (and the like)"
-        alike.append(message)
-        return message
+
+def _numbers(message: str) -> tuple[list[float], str]:
+    return [float(number) for number in _NUMBER.findall(message)], message
