@@ -5,7 +5,7 @@ import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import FrameType
 from typing import Any
@@ -44,6 +44,7 @@ def run_recording(
     dataset: str,
     config: Mapping[str, Any] | None = None,
     record_detections: str | Path | None = None,
+    warnings: Iterable[str] = (),
     on_step: Callable[[StepResult], None] | None = None,
 ) -> FinishedRun:
     """Run a pipeline over frames and write the result folder; Ctrl-C, or an image that cannot be read, ends it early.
@@ -57,6 +58,7 @@ def run_recording(
         dataset: what is read, for people.
         config: settings to note in run.json; the pipeline's by default.
         record_detections: a JSON lines file to write all detections to.
+        warnings: what is odd about the input, to stand among the result's warnings, each once.
         on_step: called after each frame, once its keyframe is committed.
 
     Raises:
@@ -90,6 +92,7 @@ def run_recording(
         with pipeline.clock.stage("drain"):  # every frame is mapped: the run is complete even if the waiting is interrupted
             seen.observe_edits(pipeline.drain(stop=interrupted) if complete else pipeline.poll())
         result = pipeline.result()
+        result = replace(result, warnings={**dict.fromkeys(warnings, 1), **result.warnings})
         settings = pipeline.config.model_dump(mode="json") if config is None else config
         run = describe_run(result, dataset=dataset, config=settings, complete=complete)
         write_result(folder, result, run)

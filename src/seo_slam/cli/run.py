@@ -1,6 +1,7 @@
 """``seo-slam run``: map a recording."""
 
 import json
+from collections.abc import Collection, Iterable
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Annotated, Any
@@ -8,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from seo_slam.cli.agents import with_agents
+from seo_slam.cli.believed_poses import believed_poses
 from seo_slam.cli.progress import with_progress
 from seo_slam.config import Component, Config, read_settings
 from seo_slam.errors import ConfigError
@@ -61,10 +63,11 @@ def run(
     chosen = with_agents(_settings(preset, config, settings or []), agents, chat_model, chat_url, key_env)
     options: dict[str, Any] = {"camera_file": camera, "trajectory_file": trajectory, "skip_broken": skip_broken, "fps": fps}
     recording = open_dataset(dataset, path, stride=stride, max_frames=max_frames, **options)
-    for warning in recording.warnings:
-        typer.echo(f"warning: {warning}", err=True)
+    _warn(recording.warnings)
     chosen = _with_detector(chosen, detector, weights, score, detections, recording.path)
     chosen = _with_odometry(chosen, odometry, initial_pose, recording, replay=trajectory is not None)
+    believed = believed_poses(chosen, recording, trajectory)
+    _warn(believed)
     # All that can be wrong with the caller's input has to show before the first byte is written.
     parts = _rehearsed(chosen, recording, replay=trajectory is not None)
     if continue_map is not None and chosen.odometry.name == "visual" and "initial_pose" not in chosen.odometry.options:
@@ -82,9 +85,17 @@ def run(
         folder,
         dataset=f"{recording.kind} {recording.path.name}",
         record_detections=record_detections,
+        warnings=(*recording.warnings, *believed),
         on_step=_print_keyframe if print_keyframes else None,
     )
-    typer.echo(json.dumps(finished.run, indent=2, sort_keys=True) if as_json else _summary(finished, folder))
+    typer.echo(
+        json.dumps(finished.run, indent=2, sort_keys=True) if as_json else _summary(finished, folder, {*recording.warnings, *believed})
+    )
+
+
+def _warn(warnings: Iterable[str]) -> None:
+    for warning in warnings:
+        typer.echo(f"warning: {warning}", err=True)
 
 
 def _settings(preset: str, file: Path | None, assignments: list[str]) -> Config:
@@ -201,7 +212,7 @@ def _print_keyframe(step: "StepResult") -> None:
         typer.echo(f"keyframe {step.keyframe_id}")
 
 
-def _summary(finished: "FinishedRun", folder: Path) -> str:
+def _summary(finished: "FinishedRun", folder: Path, told: Collection[str]) -> str:
     counts = finished.run["counts"]
     lines = [
         f"{counts['frames']} frames, {counts['keyframes']} keyframes, {counts['lost_frames']} lost; "
@@ -213,6 +224,8 @@ def _summary(finished: "FinishedRun", folder: Path) -> str:
     for landmark in finished.result.map.landmarks:
         x, y, z = landmark.position_m
         lines.append(f"  {landmark.id:4d}  {landmark.label or '?':<{width}} {x:7.2f} {y:7.2f} {z:7.2f} m   seen {landmark.observations} x")
-    lines += [f"warning: {warning['message']} ({warning['count']} x)" for warning in finished.run["warnings"]]
+    lines += [
+        f"warning: {warning['message']} ({warning['count']} x)" for warning in finished.run["warnings"] if warning["message"] not in told
+    ]
     lines.append(f"report: {folder / 'report.html'}")
     return "\n".join(lines)
