@@ -146,12 +146,14 @@ class Local:
 class SeeingMapper:
     """Sees every thing in view within some metres and not behind the wall, from where the robot truly is.
 
-    ``says`` maps a thing's id to the word that it is taken for: a word, or a function of the distance in metres.
+    ``says`` maps a thing's id to the word that it is taken for: a word, or a function of the distance in metres. What was not seen for
+    ``keeps_s`` is dropped, and is a new landmark when it is seen again.
     """
 
-    def __init__(self, robot, things, range_m=4.0, says=None, door=True):
+    def __init__(self, robot, things, range_m=4.0, says=None, door=True, keeps_s=np.inf):
         self.robot, self.things, self.range_m, self.says, self.door = robot, list(things), range_m, says or {}, door
         self.seen, self.words, self.last_s, self.lost_frames = {}, {}, {}, set()
+        self.keeps_s, self.ids = keeps_s, {thing.id: 100 + thing.id for thing in self.things}
 
     def step(self, frame):
         T = self.robot.T_world_camera
@@ -167,6 +169,9 @@ class SeeingMapper:
                 self.words.setdefault(thing.id, []).append(word(away) if callable(word) else word)
                 self.seen[thing.id] = self.seen.get(thing.id, 0) + 1
                 self.last_s[thing.id] = frame.timestamp_s
+        for id in [id for id, last_s in self.last_s.items() if frame.timestamp_s - last_s > self.keeps_s]:
+            del self.seen[id], self.words[id], self.last_s[id]
+            self.ids[id] += 1000
         return StepResult(frame.index, frame.timestamp_s, T, "ok", keyframe_id=frame.index)
 
     def snapshot(self):
@@ -177,7 +182,7 @@ class SeeingMapper:
         vectors = EMBEDDER.embed_text(words).mean(axis=0)
         label = max(sorted(set(words)), key=words.count)
         return Landmark(
-            100 + thing.id, label, {label: 1.0}, thing.center, np.eye(3) * 1e-4, thing.size, vectors / np.linalg.norm(vectors),
+            self.ids[thing.id], label, {label: 1.0}, thing.center, np.eye(3) * 1e-4, thing.size, vectors / np.linalg.norm(vectors),
             self.seen[thing.id], 0.0, self.last_s[thing.id], "stable", cloud_world=thing.cloud,
         )  # fmt: skip
 

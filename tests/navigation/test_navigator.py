@@ -21,7 +21,18 @@ class Home:
     """The map says that there is a mug on ``mapped``; now it is on ``now`` (None: nowhere), and a robot stands at ``start``."""
 
     def __init__(
-        self, mapped=TABLE, now=TABLE, at=(0.0, 0.0), start=(2.0, 2.0), door=True, says=None, more=(), planner=None, seed=0, **settings
+        self,
+        mapped=TABLE,
+        now=TABLE,
+        at=(0.0, 0.0),
+        start=(2.0, 2.0),
+        door=True,
+        says=None,
+        more=(),
+        planner=None,
+        seed=0,
+        keeps_s=np.inf,
+        **settings,
     ):
         things = furniture()
         by_id = {thing.id: thing for thing in things}
@@ -29,7 +40,7 @@ class Home:
         self.mug = None if now is None else resting(10, "mug", by_id[now], *at)
         self.robot = Robot(start)
         there = [*things, *more, *([self.mug] if self.mug else [])]
-        self.mapper = SeeingMapper(self.robot, there, says=says, door=door)
+        self.mapper = SeeingMapper(self.robot, there, says=says, door=door, keeps_s=keeps_s)
         old_map = abstract_map(things, [] if mapped is None else [(resting(10, "mug", by_id[mapped]), by_id[mapped])], door)
         grid = NavigationGrid(old_map.layout, 0.18)
         far = planner or VoronoiPlanner(grid)
@@ -131,6 +142,27 @@ def test_what_was_only_glimpsed_on_an_anchor_makes_it_the_next_candidate():
     assert outcome.found
     assert gone_to(outcome) == [DESK, TABLE]
     assert outcome.attempts[1].candidate.because == "mug"
+
+
+def test_what_the_mapper_has_dropped_since_is_gone_to_next():
+    home = Home(mapped=DESK, now=TABLE, start=(1.0, 2.0), keeps_s=3.0)
+    home.navigator.ask("mug")
+    labels = []
+    while home.navigator.outcome is None:
+        home.robot.drive(home.navigator.step(home.robot.frame()))
+        labels.append("mug" in [row.label for row in home.mapper.snapshot().landmarks])
+    assert labels.index(True) < labels.index(False, labels.index(True)), "seen, dropped"
+    assert home.navigator.outcome.found
+    assert gone_to(home.navigator.outcome) == [DESK, TABLE]
+
+
+def test_what_the_mapper_has_dropped_is_gone_to_once_if_it_is_something_else_from_near():
+    says = {20: lambda away_m: "mug" if away_m > 1.6 else "book"}
+    home = Home(mapped=DESK, now=None, start=(1.0, 2.0), keeps_s=3.0, says=says, more=[resting(20, "mug", furniture()[0])])
+    outcome = home.search()
+    assert outcome.ending == "not_found"
+    assert gone_to(outcome)[:2] == [DESK, TABLE]
+    assert len(gone_to(outcome)) == len(set(gone_to(outcome))) == 3
 
 
 @pytest.mark.parametrize(("word", "found"), [("mug", True), ("book", False)])

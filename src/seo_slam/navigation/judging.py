@@ -69,29 +69,38 @@ class Judge:
         return None
 
     def glimpse(self, abstract_map: AbstractMap) -> Match | None:
-        """Return what would be a clear match, had it been seen more often, or from nearer; if there is one."""
-        rows = ranked([row for row in self._senses.landmarks if row.id not in self.rejected], self._feature)
+        """Return what would be a clear match, had it been seen more often, from nearer, or not been dropped since; if there is one."""
+        forgotten = [row for row in self._senses.forgotten if not self._is_where_one_was_rejected(row)]
+        rows = ranked([row for row in (*self._senses.landmarks, *forgotten) if row.id not in self.rejected], self._feature)
         return next((row for row in rows if self._holds(row, 1) and self._is_wanted(row, abstract_map)), None)
 
     def best(self) -> Match | None:
         """Return what is most like the query of all that was seen."""
-        return next(iter(ranked(self._senses.landmarks, self._feature)), None)
+        return next(iter(ranked((*self._senses.landmarks, *self._senses.forgotten), self._feature)), None)
 
-    def again(self, match: Match) -> Match | None:
+    def again(self, match: Match, in_view: bool = True) -> Match | None:
         """Return a match as the map has it by now: the same landmark, or the one in its place that fits best; None if it fits no more.
 
-        A score that only wobbles about ``required`` with the last few looks does not undo a match: half the margin is allowed for it.
+        A score that only wobbles about ``required`` with the last few looks does not undo a match: half the margin is allowed for it. What
+        the mapper has dropped is no match any more, unless it is not ``in_view`` from where the robot stopped.
         """
         least = max(self.required - 0.5 * self._settings.margin, self._settings.least_score)
         place = center_of(match.landmark)
         rows = ranked(self._senses.landmarks, self._feature)
         here = [row for row in rows if row.landmark.id == match.landmark.id]
         here = here or [row for row in rows if np.linalg.norm(center_of(row.landmark) - place) <= _SAME_THING_M]
+        if not here and not in_view:
+            here = ranked([row for row in self._senses.forgotten if row.id == match.landmark.id], self._feature)
         return next((row for row in here if row.score >= least), None)
 
     def _is_at(self, landmark: Landmark, anchor: Anchor, candidate: Candidate | None) -> bool:
         beside_m = _NEXT_TO_M if candidate is not None and stood_beside(anchor, candidate) else _BESIDE_M
         return is_at(landmark, anchor, self._settings.box_growth, beside_m)
+
+    def _is_where_one_was_rejected(self, landmark: Landmark) -> bool:
+        """Whether a closer look was taken at its place already: a mapper that drops and finds again gives new ids."""
+        rejected = [row for row in (*self._senses.landmarks, *self._senses.forgotten) if row.id in self.rejected]
+        return any(np.linalg.norm(center_of(row) - center_of(landmark)) <= _SAME_THING_M for row in rejected)
 
     def _holds(self, match: Match, observations: int) -> bool:
         return match.score >= self.required and self._senses.observations(match.landmark) >= observations

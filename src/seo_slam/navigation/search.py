@@ -213,8 +213,8 @@ class Search:
             walked = yield from self.moves.walk(path)
             if walked == "blocked" and np.linalg.norm(target[:2] - self._senses.stance.xy_world) > self._settings.approach_m:
                 return False, f"no path to the {match.label}: the way is blocked"
-            yield from self._face(target)
-            still = self._judge.again(match) if self._settings.verify else match
+            in_view = yield from self._face(target)
+            still = self._judge.again(match, in_view) if self._settings.verify else match
             if still is None:
                 return True, f"the {match.label} turned out to be something else"
             match = still
@@ -224,12 +224,14 @@ class Search:
         self.found = match
         return True, f"the {match.label} is what was asked for"
 
-    def _face(self, target: FloatArray) -> Generator[Command, None, None]:
-        """Turn to a place (3,), and look at it once more if it is in view from here."""
+    def _face(self, target: FloatArray) -> Generator[Command, None, bool]:
+        """Turn to a place (3,), and look at it once more if it is in view from here. Returns whether it is."""
         xy = self._senses.stance.xy_world
         yield from self.moves.turn(heading_to(target[:2], xy))
-        if self._settings.verify and np.linalg.norm(target[:2] - xy) >= self._senses.eye.nearest_m(float(target[2])):
+        in_view = bool(np.linalg.norm(target[:2] - xy) >= self._senses.eye.nearest_m(float(target[2])))
+        if self._settings.verify and in_view:
             yield from self.moves.dwell()
+        return in_view
 
     def _clear(self) -> Match | None:
         """A clear match anywhere, if such are taken by now."""

@@ -30,6 +30,8 @@ class Senses:
         eye: its camera.
         lost: odometry is lost; ``stance`` is the last one known.
         landmarks: stable and tentative ones seen in this search.
+        forgotten: those seen in this search that the mapper has dropped since, as they were last: what is seen only in passing never
+            becomes stable, and a mapper keeps it for a while only.
         keyframes: of this search, so far.
         coverage: how much of each anchor was seen.
     """
@@ -47,6 +49,7 @@ class Senses:
         self.eye = Eye(0.0, 0.0, 0.0, 0.0)
         self.lost = False
         self.landmarks: tuple[Landmark, ...] = ()
+        self.forgotten: tuple[Landmark, ...] = ()
         self.keyframes = 0
         self.coverage.restart(anchors)
         self._started_s: float | None = None
@@ -89,7 +92,10 @@ class Senses:
         self.keyframes += 1
         self.coverage.add(frame, result.T_world_camera)
         since = self._started_s or 0.0
+        before = (*self.forgotten, *self.landmarks)
         self.landmarks = tuple(row for row in self._rows() if row.last_seen_s >= since)
+        known = {row.id for row in self.landmarks}
+        self.forgotten = tuple(row for row in before if row.id not in known)
         for row in self.landmarks:
             if row.last_seen_s >= frame.timestamp_s:
                 away_m = float(np.linalg.norm(row.position_m[:2] - self.stance.xy_world))
