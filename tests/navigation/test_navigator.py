@@ -182,7 +182,8 @@ def test_what_is_nowhere_is_not_found_and_the_best_is_named():
     assert outcome.ending == "not_found"
     assert outcome.target_world is None
     assert sorted(gone_to(outcome)) == [TABLE, COUNTER, DESK, SHELF]
-    assert "no mug was found at 4 places" in outcome.reason
+    assert "no mug was found at 4 places (table 1, " in outcome.reason
+    assert all(name in outcome.reason for name in ("counter 2", "desk 3", "shelf 4"))
     assert "the best seen is" in outcome.reason
 
 
@@ -200,6 +201,8 @@ def test_a_look_alike_in_its_place_is_a_false_match():
     assert outcome.found
     assert outcome.attempts[0].found_id == 111
     assert outcome.attempts[0].found_label == "cup"
+    assert "stopped before the cup (0.95), taken for the mug that was asked for" in outcome.reason
+    assert outcome.attempts[0].reason == "the cup is taken for the mug that was asked for"
 
 
 def test_a_smaller_margin_passes_the_look_alike_by():
@@ -323,6 +326,9 @@ def test_a_room_limits_the_search():
     assert outcome.ending == "not_found"
     assert set(gone_to(outcome)) == {TABLE, COUNTER}
     assert "no other candidate" in outcome.reason
+    assert "though" not in outcome.reason, "it saw none in another room"
+    told = Home(mapped=DESK, now=DESK).search("the mug in the kitchen").reason
+    assert "the map has a mug at the desk 3 in the study, though" in told
 
 
 def test_in_a_room_without_such_a_thing():

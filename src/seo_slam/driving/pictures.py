@@ -36,7 +36,7 @@ def write_picture(mapped: Map, result: TrialResult, path: str | Path, title: str
     search = Search(
         abstract_map=mapped.abstract,
         driven_world=result.xy_world,
-        planned=[(attempt.candidate.anchor_id, attempt.path_world) for attempt in result.outcome.attempts],
+        planned=[(attempt.candidate.anchor_id, attempt.path_world) for attempt in result.outcome.attempts if attempt.reached],
         title=title or f"{result.trial.query}: {result.outcome.ending.replace('_', ' ')}",
         subtitle=result.outcome.reason,
         target_world=result.target_world,

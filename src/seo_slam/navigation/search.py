@@ -16,6 +16,7 @@ from seo_slam.navigation.outcomes import Attempt, Candidate, Command, Ending
 from seo_slam.navigation.query import Query
 from seo_slam.navigation.selection import Selection
 from seo_slam.navigation.senses import Senses
+from seo_slam.navigation.telling import in_another_room, looked_in_vain, stopped_before, taken_for
 from seo_slam.navigation.ways import Ways
 from seo_slam.settings.navigation import NavigationSettings
 
@@ -85,7 +86,7 @@ class Search:
             else:
                 return self._in_vain()
             if self.found is not None:
-                return "found", f"stopped before the {self.found.label} ({self.found.score:.2f})"
+                return "found", stopped_before(self._query, self.found, self._memory.map)
             self.learn()
 
     def learn(self) -> None:
@@ -222,7 +223,7 @@ class Search:
                 break
         self._judge.rejected.discard(match.landmark.id)
         self.found = match
-        return True, f"the {match.label} is what was asked for"
+        return True, taken_for(self._query, match)
 
     def _face(self, target: FloatArray) -> Generator[Command, None, bool]:
         """Turn to a place (3,), and look at it once more if it is in view from here. Returns whether it is."""
@@ -269,10 +270,11 @@ class Search:
     def _in_vain(self) -> tuple[Ending, str]:
         if not self._places_gone_to and self.attempts:
             return "no_path", self.attempts[0].reason
-        best = self._judge.best()
-        seen = "nothing was seen" if best is None else f"the best seen is a {best.label} ({best.score:.2f})"
         used = "attempts are used up" if self._places_gone_to >= self._settings.attempts else "there is no other candidate"
-        return "not_found", f"no {self._query.words} was found at {self._places_gone_to} places, and {used}; {seen}"
+        maps = (self._memory.map, self._memory.original)
+        reason = looked_in_vain(self._query, self.attempts, maps, self._judge.best(), used)
+        elsewhere = in_another_room(self._query, self._feature, self._judge.required, self._memory.map)
+        return "not_found", f"{reason}; {elsewhere}" if elsewhere else reason
 
 
 def _as_anchor(match: Match) -> Anchor:
