@@ -6,8 +6,8 @@ from hypothesis import strategies as st
 from seo_slam.agents.message_tally import MOST_MESSAGES, OTHERS, MessageTally
 
 
-def counted(messages, told_apart=1):
-    tally = MessageTally(told_apart)
+def counted(messages):
+    tally = MessageTally()
     tally.add(messages)
     return tally.as_dict()
 
@@ -21,10 +21,9 @@ def test_messages_that_differ_in_numbers_only_are_one_with_the_largest():
     assert counted([*depth, "no detections"]) == {"2 of 12 detections have too little depth (and the like)": 5, "no detections": 1}
 
 
-def test_some_can_be_told_apart_while_they_are_few():
-    seconds = [f"HTTP 503, another try in {0.25 * k} s" for k in range(1000)]
-    assert counted(seconds[:3] * 2, told_apart=3) == dict.fromkeys(seconds[:3], 2)
-    assert counted(seconds, told_apart=3) == {"HTTP 503, another try in 249.75 s (and the like)": 1000}
+def test_a_message_for_each_time_is_one():
+    found = counted([f"HTTP 503, another try in {0.25 * k} s" for k in range(1000)])
+    assert found == {"HTTP 503, another try in 249.75 s (and the like)": 1000}
 
 
 def test_whatever_comes_memory_is_bounded_and_nothing_is_lost():
@@ -34,8 +33,8 @@ def test_whatever_comes_memory_is_bounded_and_nothing_is_lost():
     assert found[OTHERS] == 5000 - MOST_MESSAGES
 
 
-@given(st.lists(st.text("ab 0123456789.e+-", max_size=12), max_size=40), st.integers(1, 3))
-def test_nothing_is_lost_and_its_order_tells_nothing(messages, told_apart):
-    found = counted(messages, told_apart)
+@given(st.lists(st.text("ab 0123456789.e+-", max_size=12), max_size=40))
+def test_nothing_is_lost_and_its_order_tells_nothing(messages):
+    found = counted(messages)
     assert sum(found.values()) == len(messages)
-    assert dict(sorted(counted(messages[::-1], told_apart).items())) == dict(sorted(found.items()))
+    assert dict(sorted(counted(messages[::-1]).items())) == dict(sorted(found.items()))

@@ -15,9 +15,6 @@ from seo_slam.agents.reply_text import encodable
 from seo_slam.errors import AgentError, BudgetExceeded, ChatRequestError
 from seo_slam.records import Confirm, Doubt, Edit, Merge, Proposal, Relabel, Remove
 
-_TOLD_APART = 3
-"""So many problems of an agent that differ in their numbers only (HTTP 429, HTTP 503) are counted each by itself."""
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Answer:
@@ -62,7 +59,7 @@ class AgentCounts:
     failed: int = 0
     proposed: int = 0
     stopped: str = ""
-    problems: MessageTally = field(default_factory=lambda: MessageTally(_TOLD_APART))
+    problems: MessageTally = field(default_factory=MessageTally)
 
     def count(self, answer: Answer) -> None:
         """Note the end of a question."""
