@@ -201,7 +201,10 @@ class _Placed:
 
     def holds(self, poses: FloatArray, tolerance_m: float) -> bool:
         """Whether no point has moved by more than the tolerance (bounded from above: by shift, and turn times reach, of its keyframe)."""
-        change = poses[self._keyframes] - self._poses
+        now = poses[self._keyframes]
+        if (now == self._poses).all():  # as they mostly are, and this is asked of every cloud at every keyframe
+            return True
+        change = now - self._poses
         turn = np.sqrt(np.einsum("nij,nij->n", change[:, :3, :3], change[:, :3, :3]))
         shift_m = np.sqrt(np.einsum("ni,ni->n", change[:, :3, 3], change[:, :3, 3]))
         return bool((shift_m + turn * self._reach_m <= tolerance_m).all())
