@@ -1,4 +1,4 @@
-"""A walk through a simulated room, there and back for as long as is asked: new views of the same things."""
+"""A walk through a simulated world, there and back (or lap after lap) for as long as is asked: new views of the same things."""
 
 from collections.abc import Collection
 from typing import Any
@@ -11,18 +11,24 @@ from seo_slam.records import Trajectory
 from seo_slam.simulation.renderer import Rendered
 from seo_slam.simulation.simulated_recording import SimulatedRecording
 from seo_slam.simulation.visible import View
-from seo_slam.types import Frame
+from seo_slam.types import Frame, IntArray
 
 
 class LongWalk(SimulatedRecording):
-    """A recording that turns round at its ends. Every picture is drawn once; noise of depth, odometry and detector is new each time."""
+    """A recording that comes by again. Every picture is drawn once; noise of depth, odometry and detector is new each time."""
 
-    def __init__(self, once: SimulatedRecording, frames: int) -> None:
-        """Go through ``once``, a recording of a scene that does not change, forth and back until there are ``frames``."""
+    def __init__(self, once: SimulatedRecording, frames: int, sources: IntArray | None = None) -> None:
+        """Go through ``once``, a recording of a scene that does not change, until there are ``frames``.
+
+        Args:
+            once: what is walked through.
+            frames: how many.
+            sources: (frames,) the frame of ``once`` that each one shows; None: forth and back.
+        """
         stamps_s = once.trajectory.timestamps_s
         period_s = float(np.median(np.diff(stamps_s)))
         self._once = once
-        self._sources = turning(len(once), frames)
+        self._sources = turning(len(once), frames) if sources is None else sources
         self._drawn: dict[int, Rendered] = {}
         path = Trajectory(float(stamps_s[0]) + period_s * np.arange(frames), once.trajectory.T_world_camera[self._sources])
         super().__init__(
@@ -61,7 +67,7 @@ class LongWalk(SimulatedRecording):
         ]
 
 
-def turning(length: int, count: int) -> np.ndarray[Any, np.dtype[np.int64]]:
+def turning(length: int, count: int) -> IntArray:
     """Return (count,) numbers that go up to ``length - 1`` and down to 0, and again."""
     at = np.arange(count) % (2 * length - 2)
     return np.minimum(at, 2 * length - 2 - at)
