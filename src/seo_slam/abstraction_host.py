@@ -69,7 +69,7 @@ class Abstraction:
             made = updated(before, made, self._config.abstraction)
             layout = layout if before.layout is None else joined(before.layout, layout)
         layout, rooms = self._with_rooms(layout, made.anchors, self._embedder, self._config.layout)
-        return AbstractMap(made.anchors, layout, rooms, made.embedder)
+        return AbstractMap(made.anchors, layout, rooms, made.embedder, made.features)
 
     def close(self) -> None:
         """End the thread."""

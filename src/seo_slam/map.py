@@ -28,6 +28,7 @@ from seo_slam.map_document import (
 )
 from seo_slam.map_features import FEATURES_FILE, read_features, write_features
 from seo_slam.mapping.nearby import rows_within
+from seo_slam.records import FeatureRecipe
 from seo_slam.types import Landmark
 
 MAP_FILE = "map.json"
@@ -59,6 +60,7 @@ class Map:
         embedder: name of the model that embeds labels; "" if none is known.
         next_id: the lowest id never used; at least the highest id here plus 1, which is the default.
         abstract: anchors, what is on them, and the layout of the floor; None where there is none.
+        features: how features of things were made; None if that is not known. The abstract map's too, where it does not say.
 
     Raises:
         MapError: two landmarks have one id, or gravity is another word.
@@ -71,6 +73,7 @@ class Map:
         embedder: str = "",
         next_id: int = 0,
         abstract: AbstractMap | None = None,
+        features: FeatureRecipe | None = None,
     ) -> None:
         if gravity not in get_args(Gravity):
             raise MapError(f"gravity: got {gravity!r}, wanted one of {', '.join(get_args(Gravity))}")
@@ -83,7 +86,10 @@ class Map:
         self._gravity: Gravity = gravity
         self._embedder = embedder
         self._next_id = max(next_id, rows[-1].id + 1 if rows else 0)
+        self._features = features
         self._abstract = abstract
+        if abstract is not None and abstract.features is None and features is not None:
+            self._abstract = replace(abstract, features=features)
         self._embedder_in_use: Embedder | None = None
         self._vectors: tuple[str, FloatArray] | None = None
 
@@ -111,15 +117,19 @@ class Map:
         document = read_document(path)
         rows = [landmark_from(row) for row in (*document.landmarks, *document.tentative)]
         abstract = None if document.abstract is None else abstract_map_from(document.abstract)
-        loaded = cls(rows, document.gravity, document.embedder, document.next_id, abstract)
+        recipe = None if document.features is None else FeatureRecipe(**document.features.model_dump())
+        loaded = cls(rows, document.gravity, document.embedder, document.next_id, abstract, recipe)
         clouds, features, store = (path.with_name(name) for name in (CLOUDS_FILE, FEATURES_FILE, STORE_FILE))
         loaded = loaded._with_clouds(read_clouds(clouds)) if clouds.is_file() else loaded
         loaded = loaded._with_features(features) if features.is_file() else loaded
         return loaded._with_stored_embeddings(store) if store.is_file() else loaded
 
+    def _with_rows(self, rows: Iterable[Landmark]) -> Self:
+        return type(self)(rows, self._gravity, self._embedder, self._next_id, self._abstract, self._features)
+
     def _with_clouds(self, clouds: Mapping[int, FloatArray]) -> Self:
         rows = [replace(row, cloud_world=clouds[row.id]) if row.id in clouds else row for row in self._by_id.values()]
-        return type(self)(rows, self._gravity, self._embedder, self._next_id, self._abstract)
+        return self._with_rows(rows)
 
     def _with_features(self, path: Path) -> Self:
         """Take vectors that the map's embedder made; the map is of use without them, so nothing here fails."""
@@ -132,7 +142,7 @@ class Map:
             _log.warning("%s: features of %r, the map is of %r; they are left out", path, embedder, self._embedder)
             return self
         rows = [replace(row, embedding=features[row.id]) if row.id in features else row for row in self._by_id.values()]
-        return type(self)(rows, self._gravity, self._embedder, self._next_id, self._abstract)
+        return self._with_rows(rows)
 
     @classmethod
     def _from_store(cls, path: Path) -> Self:
@@ -157,7 +167,7 @@ class Map:
             other = stored._by_id.get(row.id)
             same = other is not None and _same_words(row, other)
             rows.append(replace(row, embedding=other.embedding) if other is not None and same else row)
-        return type(self)(rows, self._gravity, self._embedder, self._next_id, self._abstract)
+        return self._with_rows(rows)
 
     @property
     def landmarks(self) -> tuple[Landmark, ...]:
@@ -188,6 +198,11 @@ class Map:
     def abstract(self) -> AbstractMap | None:
         """Anchors, what is on them, and the layout of the floor; None if the map has none. Not in map.db."""
         return self._abstract
+
+    @property
+    def features(self) -> FeatureRecipe | None:
+        """How features of things were made: scores of two maps compare only where it is the same. None if not known. Not in map.db."""
+        return self._features
 
     def __len__(self) -> int:
         return len(self._landmarks)
@@ -250,14 +265,16 @@ class Map:
         rows = list(self._by_id.values())
         vectors = self._embed(rows, embedder)
         filled = (replace(row, embedding=vector) for row, vector in zip(rows, vectors, strict=True))
-        abstract = self._abstract
+        abstract, features = self._abstract, self._features
         if abstract is not None and abstract.embedder != embedder.name:
             abstract = with_features_of_words(abstract, embedder)
-        return type(self)(filled, self._gravity, embedder.name, self._next_id, abstract)
+        if features is not None and self._embedder != embedder.name:
+            features = replace(features, image_encoder="")
+        return type(self)(filled, self._gravity, embedder.name, self._next_id, abstract, features)
 
     def with_abstract(self, abstract_map: AbstractMap | None) -> Self:
         """Return this map with another abstract map, or with none."""
-        return type(self)(self._by_id.values(), self._gravity, self._embedder, self._next_id, abstract_map)
+        return type(self)(self._by_id.values(), self._gravity, self._embedder, self._next_id, abstract_map, self._features)
 
     def save(self, folder: str | Path) -> Path:
         """Write ``map.json`` into a folder (made if missing) and return its path; at no moment is a half-written file there.
@@ -284,7 +301,8 @@ class Map:
         Raises:
             MapError: a landmark holds NaN or a covariance that is none, or the abstract map holds NaN or ids that do not rise.
         """
-        return document_bytes(make_document(self._by_id.values(), self._gravity, self._embedder, self._next_id, self._abstract))
+        rest = self._gravity, self._embedder, self._next_id, self._abstract, self._features
+        return document_bytes(make_document(self._by_id.values(), *rest))
 
     def _own_embedder(self) -> Embedder:
         if not self._embedder:

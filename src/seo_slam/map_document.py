@@ -8,6 +8,7 @@ import json
 import os
 from collections.abc import Iterable
 from contextlib import suppress
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
@@ -26,6 +27,7 @@ from pydantic import (
 from seo_slam.abstraction.abstract_map import AbstractMap
 from seo_slam.abstraction.files import AbstractDocument, abstract_document
 from seo_slam.errors import MapError, MapFormatError
+from seo_slam.records import FeatureRecipe
 from seo_slam.types import Landmark, LandmarkState
 
 SCHEMA_NAME = "seo_slam.map/1"
@@ -91,6 +93,14 @@ class LandmarkDocument(_Model):
         return fields if self.category else {key: value for key, value in fields.items() if key != "category"}
 
 
+class FeaturesDocument(_Model):
+    """How features were made: a weighted sum of picture and word."""
+
+    image_weight: NotNegative = Field(description="Of the picture.")
+    text_weight: NotNegative = Field(description="Of the word.")
+    image_encoder: str = Field(description='Name of what looked at the pictures; "" if nothing did: features are of words only.')
+
+
 class MapDocument(_Model):
     """A map of things: the whole of map.json."""
 
@@ -108,6 +118,10 @@ class MapDocument(_Model):
     abstract: AbstractDocument | None = Field(
         None, description="Anchors, what is on them, and the layout of the floor. Left out where there is none."
     )
+    features: FeaturesDocument | None = Field(
+        None,
+        description="How features were made; scores of two maps compare only where it is the same. Left out where it is not known.",
+    )
 
     @model_validator(mode="after")
     def _ids_and_states_agree(self) -> Self:
@@ -123,9 +137,9 @@ class MapDocument(_Model):
         return self
 
     @model_serializer(mode="wrap")
-    def _without_empty_abstract(self, write: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        fields: dict[str, Any] = write(self)  # a map without it keeps the bytes it always had
-        return fields if self.abstract is not None else {key: value for key, value in fields.items() if key != "abstract"}
+    def _without_what_there_is_not(self, write: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        fields: dict[str, Any] = write(self)  # a map without them keeps the bytes it always had
+        return {key: value for key, value in fields.items() if key not in ("abstract", "features") or value is not None}
 
 
 def map_json_schema() -> dict[str, Any]:
@@ -139,7 +153,12 @@ def _without_title(schema: dict[str, Any]) -> dict[str, Any]:
 
 
 def make_document(
-    landmarks: Iterable[Landmark], gravity: Gravity, embedder: str, next_id: int, abstract: AbstractMap | None = None
+    landmarks: Iterable[Landmark],
+    gravity: Gravity,
+    embedder: str,
+    next_id: int,
+    abstract: AbstractMap | None = None,
+    features: FeatureRecipe | None = None,
 ) -> MapDocument:
     """Build the document of a map.
 
@@ -159,6 +178,7 @@ def make_document(
                 "landmarks": [landmark_fields(row) for row in rows if row.state == "stable"],
                 "tentative": [landmark_fields(row) for row in rows if row.state != "stable"],
                 "abstract": None if abstract is None else abstract_document(abstract),
+                "features": None if features is None else asdict(features),
             }
         )
     except ValidationError as error:

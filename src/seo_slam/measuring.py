@@ -10,6 +10,7 @@ from seo_slam.perception.adapters import to_detections
 from seo_slam.perception.features import ObservationFeatures
 from seo_slam.perception.lifting import observe
 from seo_slam.perception.mask_clouds import box_masks, mask_clouds
+from seo_slam.records import FeatureRecipe
 from seo_slam.stages import StageClock
 from seo_slam.types import BoolArray, Detections, Frame, Observations
 
@@ -25,6 +26,11 @@ class Measuring:
         known = config.features.classes or tuple(getattr(parts.detector, "classes", None) or ())  # a class list that the detector has
         self._features = ObservationFeatures(config.features.model_copy(update={"classes": known}), parts.embedder)
         self._is_warm = False
+
+    @property
+    def recipe(self) -> FeatureRecipe | None:
+        """How features are made; None where things are known by their words alone, as without clouds."""
+        return self._features.recipe if self._config.clouds.enabled or self._config.features.image_weight > 0 else None
 
     def measure(self, frame: Frame, warnings: list[str]) -> tuple[Detections, Observations]:
         """Return what is seen, camera frame; what is worth knowing is added to ``warnings``.

@@ -235,6 +235,33 @@ class StepResult:
         return self.keyframe_id is not None
 
 
+@dataclass(frozen=True, slots=True)
+class FeatureRecipe:
+    """How the features of things were made (DualMap Eq 1). Scores compare only where it is the same.
+
+    Attributes:
+        image_weight: of the picture.
+        text_weight: of the word.
+        image_encoder: name of what looked at the pictures; "" if nothing did: the features are of words only.
+    """
+
+    image_weight: float
+    text_weight: float
+    image_encoder: str = ""
+
+    @property
+    def has_pictures(self) -> bool:
+        """Whether pictures are part of the features: then even its own word is not quite like a thing."""
+        return bool(self.image_encoder) and self.image_weight > 0
+
+    @property
+    def in_words(self) -> str:
+        """For people, such as "0.7 pictures (my_clip) and 0.3 words"; the same for recipes that come to the same."""
+        if not self.has_pictures:
+            return "words only"
+        return f"{self.image_weight:g} pictures ({self.image_encoder}) and {self.text_weight:g} words"
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Trajectory:
     """Poses over time.

@@ -94,7 +94,7 @@ def undo_edit(folder: str | Path, number: int) -> EditRecord:
             record = replace(record, detail=f"{record.detail}; {_warning(twins)}")
     _amend(files, Amendment(record.keyframe_id, tuple(restored), (), _events(edit, record), (record,)), len(edits))
     by_id.update({row.id: row for row in restored})
-    _write(files, Map(by_id.values(), now.gravity, now.embedder, now.next_id, now.abstract))
+    _write(files, Map(by_id.values(), now.gravity, now.embedder, now.next_id, now.abstract, now.features))
     return record
 
 
@@ -132,7 +132,7 @@ def _map_now(files: _Files) -> Map:
         other = finer.get(row.id)
         row = replace(row, cloud_world=clouds.get(row.id, row.cloud_world))
         rows.append(replace(other, embedding=row.embedding) if other is not None and _state_of(other) == _state_of(row) else row)
-    return Map(rows, written.gravity, written.embedder, max(written.next_id, kept.next_id), written.abstract)
+    return Map(rows, written.gravity, written.embedder, max(written.next_id, kept.next_id), written.abstract, written.features)
 
 
 def _state_of(row: Landmark) -> tuple[Any, ...]:
@@ -236,7 +236,7 @@ def _caught_up(edit: EditRecord, now: Map) -> Map:
     back, stays = by_id.get(edit.landmark_id), by_id.get(-1 if edit.other_id is None else edit.other_id)
     if back is not None and stays is not None and not len(back.cloud_world):
         by_id.update({row.id: row for row in _parted(edit, (back, stays))})
-    return Map(by_id.values(), now.gravity, now.embedder, now.next_id, now.abstract)
+    return Map(by_id.values(), now.gravity, now.embedder, now.next_id, now.abstract, now.features)
 
 
 def _mapped_again(back: Landmark, stable: Iterable[Landmark]) -> list[int]:

@@ -6,6 +6,7 @@ from dataclasses import replace
 import pytest
 
 from seo_slam.map import Map
+from seo_slam.records import FeatureRecipe
 from seo_slam.testing.store import make_landmark
 
 
@@ -61,3 +62,9 @@ def test_mistakes_end_with_one_clear_line(run, result, words, message):
     assert (status, out) == (2, "")
     assert message in err
     assert "Traceback" not in err
+
+
+def test_scores_of_features_with_pictures_are_explained(run, tmp_path):
+    Map([make_landmark(0)], "poses", "hashed", features=FeatureRecipe(0.7, 0.3, "Clip:small")).save(tmp_path)
+    _, out, _ = run("query", tmp_path, "cup")
+    assert out.splitlines()[-1] == "Features are of 0.7 pictures (Clip:small) and 0.3 words: a thing's own word scores less than 1."

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from seo_slam.errors import MapError
 from seo_slam.geometry import FloatArray
+from seo_slam.records import FeatureRecipe
 from seo_slam.types import BoolArray, IntArray
 
 RelationKind = Literal["on", "in", "next to"]
@@ -128,9 +129,11 @@ class AbstractMap:
         layout: None where no scene cloud was kept.
         rooms: by rising id.
         embedder: name of the model of all features.
+        features: how they were made; None if that is not known.
     """
 
     anchors: tuple[Anchor, ...]
     layout: Layout | None = None
     rooms: tuple[Room, ...] = ()
     embedder: str = ""
+    features: FeatureRecipe | None = None

@@ -22,4 +22,6 @@ def with_features_of_words(abstract_map: AbstractMap, embedder: Embedder) -> Abs
         volatiles = tuple(replace(volatile, feature=feature(volatile.label)) for volatile in anchor.volatiles)
         return replace(anchor, feature=feature(anchor.label), volatiles=volatiles)
 
-    return replace(abstract_map, anchors=tuple(renewed(anchor) for anchor in abstract_map.anchors), embedder=embedder.name)
+    recipe = None if abstract_map.features is None else replace(abstract_map.features, image_encoder="")
+    anchors = tuple(renewed(anchor) for anchor in abstract_map.anchors)
+    return replace(abstract_map, anchors=anchors, embedder=embedder.name, features=recipe)

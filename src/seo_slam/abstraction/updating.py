@@ -46,7 +46,7 @@ def updated(old: AbstractMap, new: AbstractMap, settings: AbstractionSettings) -
     anchors += [replace(anchor, id=next_id + k) for k, anchor in enumerate(rest)]
     embedder = old.embedder if old.anchors else new.embedder or old.embedder
     layout, rooms = (new.layout, new.rooms) if old.layout is None else (old.layout, old.rooms)
-    return AbstractMap(tuple(anchors), layout, rooms, embedder)
+    return AbstractMap(tuple(anchors), layout, rooms, embedder, old.features if old.anchors else new.features or old.features)
 
 
 def _matched(old: Sequence[Anchor], new: Sequence[Anchor], settings: AbstractionSettings) -> tuple[dict[int, list[Anchor]], list[Anchor]]:

@@ -25,6 +25,8 @@ def query(
         typer.echo(json.dumps(answer, ensure_ascii=False, indent=1))
     elif hits:
         typer.echo(_table(hits))
+        if loaded.features is not None and loaded.features.has_pictures:
+            typer.echo(f"Features are of {_printable(loaded.features.in_words)}: a thing's own word scores less than 1.")
     else:
         typer.echo("The map holds no stable landmark that has a label.")
 

@@ -22,6 +22,7 @@ from seo_slam.navigation.search import Search
 from seo_slam.navigation.selection import Selection
 from seo_slam.navigation.senses import Senses
 from seo_slam.navigation.ways import Ways
+from seo_slam.records import FeatureRecipe
 from seo_slam.settings.abstraction import AbstractionSettings
 from seo_slam.settings.navigation import NavigationSettings
 from seo_slam.settings.planning import LayoutSettings, PlannerSettings
@@ -95,6 +96,8 @@ class Navigator:
         if abstract_map.anchors and abstract_map.embedder and abstract_map.embedder != embedder.name:
             raise MapError(f"navigator: got embedder {embedder.name!r} for a map of {abstract_map.embedder!r}, wanted the same")
         self._map = abstract_map
+        self._mapper = mapper
+        self._unlike = ""
         self._embedder = embedder
         self._seed = seed
         self._ways = _ways(abstract_map, planning or PlannerSettings(), grid, far, near, seed)
@@ -196,6 +199,9 @@ class Navigator:
         if not rows:
             return self._answer("not_found", f"the map has no furniture in the {query.room}")
         first = rows[0]
+        self._unlike = _unlike(abstract_map, self._mapper)
+        if self._unlike:
+            self._note(self._unlike)
         self._unknown = _not_known(abstract_map, query, first) if first.score < self.settings.least_score else ""
         if self._unknown and self.settings.unknown == "answer":
             return self._answer("not_found", self._unknown)
@@ -210,7 +216,8 @@ class Navigator:
         return None
 
     def _finish(self, ending: Ending, reason: str) -> Command:
-        self._answer(ending, f"{reason}; {self._unknown}" if self._unknown and ending != "found" else reason)
+        why = "" if ending == "found" else "".join(f"; {note}" for note in (self._unknown, self._unlike) if note)
+        self._answer(ending, reason + why)
         self._end_search()
         return stop(self._senses.stance)
 
@@ -245,6 +252,15 @@ def _not_known(abstract_map: AbstractMap, query: Query, best: Candidate) -> str:
     where = f"{anchor.label or 'thing without a name'} {anchor.id}"
     thing = f"{best.because or 'thing without a name'} at the {where}" if best.volatile else where
     return f"the map knows nothing like {query.words!r}; the best it has is the {thing} ({best.score:.2f})"
+
+
+def _unlike(abstract_map: AbstractMap, mapper: Mapper) -> str:
+    """What to say where what is seen has features of another kind than the map: a match then scores lower, or higher, than expected."""
+    seen: FeatureRecipe | None = getattr(mapper.snapshot(), "features", None)
+    known = abstract_map.features
+    if known is None or seen is None or known.in_words == seen.in_words:
+        return ""
+    return f"the map's features are of {known.in_words}, those of what is seen are of {seen.in_words}: their scores do not compare"
 
 
 def _ways(

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from seo_slam.errors import ConfigError, FrameError
 from seo_slam.geometry import FloatArray
 from seo_slam.interfaces import Embedder
+from seo_slam.records import FeatureRecipe
 from seo_slam.settings.observing import FeatureSettings
 from seo_slam.types import BoolArray, Frame
 
@@ -39,6 +40,7 @@ class ObservationFeatures:
         self._words: dict[str, None] = dict.fromkeys(settings.classes)
         self._null: FloatArray | None = None
         self._warned = False
+        self._looker = _name_of(self._encoder) if self._encoder is not None and settings.image_weight > 0 else ""
 
     def of(
         self, frame: Frame, boxes_px: FloatArray, labels: Sequence[str | None], own: FloatArray | None = None
@@ -71,6 +73,11 @@ class ObservationFeatures:
             return text, self._warn_once()
         return _normalised(self._settings.image_weight * image + self._settings.text_weight * text), ()
 
+    @property
+    def recipe(self) -> FeatureRecipe:
+        """How the features are made: with the detector's own embeddings, where it gives any, else by whoever looks at pictures here."""
+        return FeatureRecipe(self._settings.image_weight, self._settings.text_weight, self._looker)
+
     def _text(self, labels: Sequence[str | None]) -> FloatArray:
         """(K, D) the text part, unit rows or zeros."""
         out = np.zeros((len(labels), self._embedder.size))
@@ -102,6 +109,7 @@ class ObservationFeatures:
         missing: BoolArray = np.ones(len(boxes_px), dtype=np.bool_)
         if own is not None:
             missing = np.asarray(~own.any(axis=1), dtype=np.bool_)
+            self._looker = self._looker or ("" if missing.all() else "detector")
             out[~missing] = _normalised(self._of_our_size(own[~missing], where))
         if self._encoder is None:
             return None if missing.all() else out
@@ -135,6 +143,11 @@ class ObservationFeatures:
 def _sees(candidate: Any) -> bool:
     """Whether it takes pictures; ``isinstance`` of a protocol would ask for its size too, and so load its model."""
     return hasattr(candidate, "embed_crops") or hasattr(candidate, "embed_image")
+
+
+def _name_of(encoder: Any) -> str:
+    name = getattr(encoder, "name", "")
+    return f"{type(encoder).__name__}{f':{name}' if name else ''}"
 
 
 def crops(rgb: NDArray[np.uint8], boxes_px: FloatArray, margin_px: int) -> list[NDArray[np.uint8]]:
