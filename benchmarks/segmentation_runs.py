@@ -59,11 +59,15 @@ VARIANTS = {
     "words only": Variant(("features.text_weight=1", "features.image_weight=0")),
     "no split": Variant(("status.split=false",)),
     "no stability check": Variant(("status.observations=1", "status.majority=0")),
+    "no existence": Variant(("status.existence=false",)),
     "greedy": Variant(('overlap.assignment="greedy"',)),
     "one to one": Variant(('overlap.assignment="one_to_one"',)),
     "3D merge": Variant(("status.merge=true",)),
 }
-"""The paper's ablations (Tables III and IV), and greedy against one-to-one matching. "image only" is its "w/o weighted feats"."""
+"""The paper's ablations (Tables III and IV), the paper's checks without existence, and greedy against one-to-one matching.
+
+"image only" is its "w/o weighted feats".
+"""
 
 
 @dataclass(frozen=True, slots=True)

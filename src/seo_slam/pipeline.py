@@ -29,6 +29,7 @@ from seo_slam.mapping.motion_chain import MotionChain
 from seo_slam.mapping.object_map import ObjectMap
 from seo_slam.mapping.sight import DepthView
 from seo_slam.mapping.status_checks import StatusChecks
+from seo_slam.mapping.watch import Watch
 from seo_slam.measuring import Measuring
 from seo_slam.perception.cut_boxes import completed
 from seo_slam.records import EditRecord, MapEvent, StepResult, Trajectory
@@ -117,7 +118,8 @@ class Pipeline:
         self._objects = ObjectMap(self.config.map, self.parts.embedder.size, next_id, self.config.clouds)
         self._life: LifeCycle | SightingsOnly | StatusChecks = SightingsOnly(self._objects)
         if self.config.status.enabled:
-            self._life = StatusChecks(self.config.status, self._objects, self.parts.embedder)
+            watch = Watch(self.config.lifting, self._objects, self.config.life.vanishing) if self.config.status.existence else None
+            self._life = StatusChecks(self.config.status, self._objects, self.parts.embedder, watch, self.config.life)
         elif self.config.life.enabled:
             self._life = LifeCycle(self.config.life, self.config.lifting, self._objects, self._likelihood)
         self._keeper = Keeper(self.parts, self._objects)
@@ -294,7 +296,7 @@ class Pipeline:
         if not self._path and self._old_map is not None:
             return self._old_map
         rows = self._objects.rows(self.parts.smoother) if self._path else []
-        return Map(rows, self._gravity, self.parts.embedder.name, self._objects.next_id)
+        return Map(rows, self._gravity, self.parts.embedder.name, self._objects.next_id, features=self._measuring.recipe)
 
     def _start(self, motion: Motion) -> None:
         """Place the first camera, and the landmarks of a map that is continued."""

@@ -13,6 +13,10 @@ from seo_slam.geometry import inverse
 from seo_slam.mapping.lifecycle import LifeCycle
 from seo_slam.mapping.object_map import ObjectMap
 from seo_slam.mapping.sight import DepthView
+from seo_slam.mapping.status_checks import StatusChecks
+from seo_slam.mapping.watch import Watch
+from seo_slam.settings.concrete import StatusSettings
+from seo_slam.settings.observing import CloudSettings
 from seo_slam.testing.worlds import TINY_CAMERA, tiny_observations
 from seo_slam.types import Landmarks, Motion
 
@@ -22,10 +26,16 @@ PERIOD_S = 0.5
 class LivingMap:
     """Keyframes half a second apart."""
 
-    def __init__(self, old=(), **life):
-        self.objects = ObjectMap(MapSettings(), embedding_size=8)
+    def __init__(self, old=(), status=None, **life):
+        """``status``: settings of DualMap's checks, which then decide about lives."""
+        self.objects = ObjectMap(MapSettings(), embedding_size=8, clouds=CloudSettings(enabled=status is not None))
         self.smoother = GtsamSmoother()
-        self.life = LifeCycle(LifeSettings(**life), LiftingSettings(), self.objects, LabelLikelihood(HashedEmbedder()))
+        settings, lifting, words = LifeSettings(**life), LiftingSettings(), HashedEmbedder(size=8)
+        self.life = LifeCycle(settings, lifting, self.objects, LabelLikelihood(words))
+        if status is not None:
+            checks = StatusSettings(**status)
+            watch = Watch(lifting, self.objects, settings.vanishing) if checks.existence else None
+            self.life = StatusChecks(checks, self.objects, words, watch, settings)
         self.events = []
         self.keyframes = 0
         self._T = None
@@ -67,7 +77,7 @@ class LivingMap:
         stamp_s = PERIOD_S * self.keyframes
         self.keyframes += 1
         known, positions = self.smoother.positions()
-        self.objects.integrate(seen, ids, T, stamp_s, positions[np.searchsorted(known, ids)])
+        self.objects.integrate(seen, ids, T, stamp_s, positions[np.searchsorted(known, ids)], self.smoother.poses())
         events = self.life.step(DepthView(TINY_CAMERA, depth_m, T, stamp_s), ids, self.smoother)
         self._now_is |= {event.other_id: event.landmark_id for event in events if event.kind == "moved"}
         return events

@@ -7,7 +7,7 @@ a miss is depends on that, so the spread between things is measured with the mea
 from collections.abc import Iterable, Sequence
 
 import numpy as np
-from scipy.special import betaln, logsumexp
+from scipy.special import betaln
 
 PRIOR_RATES = (0.9, 0.5, 0.1)
 """Things believed to have been measured before the first one is: a wide guess."""
@@ -39,7 +39,7 @@ class MeasuredRecall:
 
     def log_likelihood(self, hits: float, misses: float) -> float:
         """Return the log probability of a sequence of hits and misses of a thing that is there."""
-        return float(logsumexp(self._log_weights + betaln(self._a + hits, self._b + misses)))
+        return float(np.logaddexp.reduce(self._log_weights + betaln(self._a + hits, self._b + misses)))
 
 
 PRIOR_GAPS = 10.0

@@ -7,12 +7,14 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from seo_slam.association.overlap import overlap_shares
+from seo_slam.config import LifeSettings
 from seo_slam.geometry import FloatArray
 from seo_slam.interfaces import Embedder, Smoother
 from seo_slam.mapping.edits import merge_landmarks
 from seo_slam.mapping.object_map import ObjectMap
 from seo_slam.mapping.sight import DepthView
 from seo_slam.mapping.thing import Thing
+from seo_slam.mapping.watch import Watch, found_share
 from seo_slam.perception.cloud import Cloud
 from seo_slam.records import MapEvent
 from seo_slam.settings.concrete import StatusSettings
@@ -27,9 +29,26 @@ LEAST_GAP_M = 1e-6
 class StatusChecks:
     """Decides about a landmark from the distribution of the words in its observation list alone."""
 
-    def __init__(self, settings: StatusSettings, object_map: ObjectMap, embedder: Embedder) -> None:
-        """Watch over the things of ``object_map``, which must keep clouds; ``embedder`` knows what background looks like."""
+    def __init__(
+        self,
+        settings: StatusSettings,
+        object_map: ObjectMap,
+        embedder: Embedder,
+        watch: Watch | None = None,
+        life: LifeSettings | None = None,
+    ) -> None:
+        """Check the things of ``object_map``, which must keep clouds.
+
+        Args:
+            settings: of the checks.
+            object_map: its things.
+            embedder: knows what background looks like.
+            watch: keeps existence, which is then checked as well; None: the paper.
+            life: what existence must be.
+        """
         self._settings = settings
+        self._watch = watch
+        self._life = life or LifeSettings()
         self._embedder = embedder
         self._map = object_map
         self._keyframe = -1
@@ -40,18 +59,21 @@ class StatusChecks:
         """Check what was seen in a keyframe, and what has not been seen for long.
 
         Args:
-            view: the keyframe; only its stamp is looked at.
+            view: the keyframe; without existence only its stamp is looked at.
             hits: ids of the landmarks observed in it.
             smoother: landmarks that are split or leave the map do so there, too.
 
         Returns:
-            What became stable, was split, merged or removed.
+            What became stable, was lost, split, merged or removed.
         """
         self._keyframe += 1
         seen = [i for i in dict.fromkeys(hits.tolist()) if i in self._map]
         for landmark_id in (*seen, *(i for i in self._map.things if i not in self._last_seen)):
             self._last_seen[landmark_id] = self._keyframe
         events: list[MapEvent] = []
+        if self._watch is not None:
+            for thing, p_world in self._watch.step(view, hits, smoother):
+                events += self._missed(thing, p_world, view.timestamp_s, smoother)
         if self._settings.split:
             events += [event for landmark_id in seen for event in self._split(self._map[landmark_id], smoother)]
         events += [event for landmark_id in seen for event in self._becomes_stable(self._map[landmark_id])]
@@ -72,9 +94,28 @@ class StatusChecks:
     def _becomes_stable(self, thing: Thing) -> list[MapEvent]:
         if thing.state == "stable" or thing.is_background or not self.passes(thing) or self._is_judged_background(thing):
             return []
-        thing.state, thing.existence = "stable", 1.0
+        if self._watch is None:
+            thing.existence = 1.0
+        elif thing.existence < self._life.stable_existence or found_share(thing) < self._life.stable_share:
+            return []
+        was_lost, thing.state = thing.state == "lost", "stable"
         thing.version += 1
-        return [MapEvent("stable", thing.id, thing.label)]
+        return [MapEvent("found" if was_lost else "stable", thing.id, thing.label)]
+
+    def _missed(self, thing: Thing, p_world: FloatArray, now_s: float, smoother: Smoother) -> list[MapEvent]:
+        """Lose, then remove what is not seen where it should be (ours; the paper counts no misses)."""
+        life = self._life
+        if thing.state == "stable" and thing.existence < life.lost_existence:
+            thing.state = "lost"
+            thing.version += 1
+            return [MapEvent("lost", thing.id, thing.label)]
+        if thing.is_background or thing.existence >= life.removed_existence or thing.sightings.tail < life.removed_misses:
+            return []
+        if 0 <= now_s - thing.last_seen_s < life.removed_seconds:  # below 0: the clock began anew
+            return []
+        if self._watch is not None:
+            self._watch.bury(thing, p_world)
+        return [self._remove(thing, smoother)]
 
     def _is_judged_background(self, thing: Thing) -> bool:
         """Whether it is no thing; that is judged once, and again when it got a name and lost it."""

@@ -25,7 +25,10 @@ class OverlapSettings(Settings):
 class StatusSettings(Settings):
     """Checks of each landmark by itself instead of merging in 3D (DualMap III-B3)."""
 
-    enabled: bool = Field(False, description="DualMap's checks decide about a landmark's life, not existence")
+    enabled: bool = Field(False, description="DualMap's checks decide about a landmark's life")
+    existence: bool = Field(
+        True, description="and so do the views in which it should have been seen and was not, as ``life`` says; off: the paper"
+    )
     observations: int = Field(8, ge=1, description="observations that a stable landmark needs")
     majority: float = Field(2 / 3, ge=0, le=1, description="share of them that its most frequent word needs (the paper: two thirds)")
     alike_cosine: float = Field(
