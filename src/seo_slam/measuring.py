@@ -1,5 +1,6 @@
 """From a frame to detections and observations: what a keyframe measures before the map is asked anything."""
 
+from collections.abc import Collection
 from dataclasses import replace
 
 import numpy as np
@@ -25,6 +26,7 @@ class Measuring:
         self._clock = clock
         known = config.features.classes or tuple(getattr(parts.detector, "classes", None) or ())  # a class list that the detector has
         self._features = ObservationFeatures(config.features.model_copy(update={"classes": known}), parts.embedder)
+        self._wanted = {word.casefold() for word in config.features.classes} if config.features.only_classes else None
         self._is_warm = False
 
     @property
@@ -45,6 +47,8 @@ class Measuring:
             self._is_warm = True
         with self._clock.stage("detect"):
             detections = to_detections(parts.detector.detect(frame), frame, type(parts.detector).__name__)
+            if self._wanted is not None:
+                detections = _of_classes(detections, self._wanted)
             warnings += getattr(parts.detector, "notes", ())
         if not len(detections):
             warnings.append("no detections")
@@ -71,6 +75,12 @@ class Measuring:
         clouds = mask_clouds(masks, frame.depth_m, frame.camera, self._config.clouds, self._config.lifting.max_depth_m)
         kept = np.array([len(cloud) > 0 for cloud in clouds], dtype=np.bool_)
         return replace(observations, clouds=clouds)[kept]
+
+
+def _of_classes(detections: Detections, wanted: Collection[str]) -> Detections:
+    """Those whose word is wanted, or that have none."""
+    kept = np.array([label is None or label.casefold() in wanted for label in detections.labels], dtype=np.bool_)
+    return detections if kept.all() else detections[kept]
 
 
 def _all_masks(detections: Detections, frame: Frame, max_depth_m: float) -> BoolArray:

@@ -19,6 +19,7 @@ RESULT_FILES = (
     "map.json",
     "clouds.ply",
     "features.npz",
+    "classes.txt",
     "map.db",
     "map.db-wal",
     "map.db-shm",

@@ -32,9 +32,14 @@ def with_agents(config: Config, kind: str | None, model: str | None, url: str | 
         return config
     if kind == "chat" and model is None:
         raise ConfigError("--agents chat needs --chat-model NAME (or give --preset seo_slam_chat, or agents in a config file)")
-    options: dict[str, Any] = {"model": model}
-    options |= {key: value for key, value in (("base_url", url), ("api_key_env", key_env)) if value is not None}
+    options = chat_options(model, url, key_env)
     local = [agent.model_dump() for agent in LOCAL_AGENTS]
     chosen = {"local": local, "chat": [*chat_agents(options), WITNESS], "none": []}[kind]
     mode = {"runner": {"mode": "background"}} if kind == "chat" and config.runner.mode == "inline" else {}
     return config.updated({"agents": chosen, **mode}, f"--agents {kind}")
+
+
+def chat_options(model: str | None, url: str | None, key_env: str | None) -> dict[str, Any]:
+    """Return options of the chat model "openai"; what is None is left to its default."""
+    given = (("model", model), ("base_url", url), ("api_key_env", key_env))
+    return {key: value for key, value in given if value is not None}

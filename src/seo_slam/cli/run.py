@@ -10,6 +10,7 @@ import typer
 
 from seo_slam.cli.agents import with_agents
 from seo_slam.cli.believed_poses import believed_poses
+from seo_slam.cli.classes import CLASSES_FILE, asks_a_model, class_list, with_classes
 from seo_slam.cli.progress import with_progress
 from seo_slam.config import Component, Config, read_settings
 from seo_slam.errors import ConfigError
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from seo_slam.records import StepResult
     from seo_slam.run_recording import FinishedRun
 
+_HELP_CLASSES = "Map only these words: a FILE, 'detector' (all it says it knows), or 'place:an office' (--chat-model is asked once)."
 _HELP_SET = "Change one setting, e.g. --set keyframes.period_s=0.25; may be given often. `seo-slam doctor --settings` lists them."
 
 
@@ -33,6 +35,7 @@ def run(
     score: Annotated[float | None, typer.Option(min=0, max=1, help="Least score of a detection.")] = None,
     detections: Annotated[Path | None, typer.Option(help="JSON lines for --detector recorded; default: detections.jsonl in PATH.")] = None,
     record_detections: Annotated[Path | None, typer.Option(help="Write all detections to this file.")] = None,
+    classes: Annotated[str | None, typer.Option(metavar="WHICH", help=_HELP_CLASSES)] = None,
     odometry: Annotated[str | None, typer.Option(help="recorded (default where there are poses), visual, or module:Class.")] = None,
     trajectory: Annotated[Path | None, typer.Option(help="Poses for --odometry recorded (TUM text).")] = None,
     initial_pose: Annotated[
@@ -60,7 +63,9 @@ def run(
     from seo_slam.run_files import prepare_folder
     from seo_slam.run_recording import run_recording
 
-    chosen = with_agents(_settings(preset, config, settings or []), agents, chat_model, chat_url, key_env)
+    chat = (chat_model, chat_url, key_env)
+    own = asks_a_model(classes) and agents != "chat"  # the model is asked for words only, not by agents
+    chosen = with_agents(_settings(preset, config, settings or []), agents, *((None, None, None) if own else chat))
     options: dict[str, Any] = {"camera_file": camera, "trajectory_file": trajectory, "skip_broken": skip_broken, "fps": fps}
     recording = open_dataset(dataset, path, stride=stride, max_frames=max_frames, **options)
     _warn(recording.warnings)
@@ -68,6 +73,8 @@ def run(
     chosen = _with_odometry(chosen, odometry, initial_pose, recording, replay=trajectory is not None)
     believed = believed_poses(chosen, recording, trajectory)
     _warn(believed)
+    words = None if classes is None else class_list(classes, chosen, *chat)
+    chosen = chosen if words is None else with_classes(chosen, words)
     # All that can be wrong with the caller's input has to show before the first byte is written.
     parts = _rehearsed(chosen, recording, replay=trajectory is not None)
     if continue_map is not None and chosen.odometry.name == "visual" and "initial_pose" not in chosen.odometry.options:
@@ -78,6 +85,8 @@ def run(
     if old is not None and old.gravity == "unknown" and chosen.odometry.name == "recorded":
         typer.echo("warning: the map to continue has a world of its own (gravity unknown); recorded poses are of another", err=True)
     folder = prepare_folder(out, overwrite)
+    if words is not None:
+        words.write(folder / CLASSES_FILE, header=f"# {words.source}")
     pipeline = Pipeline(chosen, store=_store(chosen, folder), map=old, **parts)
     finished = run_recording(
         with_progress(recording, len(recording), "mapping"),

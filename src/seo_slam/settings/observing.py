@@ -1,6 +1,8 @@
 """Settings of what an observation carries: its feature and its cloud (DualMap III-A)."""
 
-from pydantic import Field
+from typing import Self
+
+from pydantic import Field, model_validator
 
 from seo_slam.settings.base import Settings
 
@@ -13,6 +15,13 @@ class FeatureSettings(Settings):
     crop_margin_px: int = Field(20, ge=0, description="pixels shown around a box to the image encoder")
     null_text: bool = Field(False, description="what has no word gets the mean embedding of all known words (DualMap III-A2)")
     classes: tuple[str, ...] = Field((), description="words for that mean; none: those that the detector has said so far")
+    only_classes: bool = Field(False, description="detections of other words than features.classes are dropped; needs such words")
+
+    @model_validator(mode="after")
+    def _there_are_classes_to_keep(self) -> Self:
+        if self.only_classes and not self.classes:
+            raise ValueError("only_classes drops every word that is not among features.classes, which is empty; give some")
+        return self
 
 
 class CloudSettings(Settings):
