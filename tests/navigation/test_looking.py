@@ -1,5 +1,7 @@
 """Where to look from, where to stop, and what was seen."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from fake_home import CAMERA, Robot, Thing, abstract_map, furniture
@@ -7,7 +9,17 @@ from fake_home import CAMERA, Robot, Thing, abstract_map, furniture
 from seo_slam.navigation.choosing import Option, most_learned
 from seo_slam.navigation.coverage import Coverage
 from seo_slam.navigation.grid import NavigationGrid
-from seo_slam.navigation.looking import Eye, headings_over, hidden_share, in_sight, nearest_turn, places_near, viewpoints, what_hides
+from seo_slam.navigation.looking import (
+    Eye,
+    headings_over,
+    hidden_share,
+    in_sight,
+    legs_to_look,
+    nearest_turn,
+    places_near,
+    viewpoints,
+    what_hides,
+)
 from seo_slam.navigation.outcomes import Candidate
 from seo_slam.types import Frame
 
@@ -48,6 +60,29 @@ def test_another_view_is_from_another_side():
     second = viewpoints(ANCHORS[TABLE], EYE, first, GRID, HIDING, [first])[0]
     a, b = first - ANCHORS[TABLE].xy_world, second - ANCHORS[TABLE].xy_world
     assert np.dot(a, b) / np.linalg.norm(a) / np.linalg.norm(b) < np.cos(0.65)
+
+
+def test_a_path_is_cut_where_furniture_comes_into_sight():
+    path = np.array([[0.8, 2.5], [3.5, 2.5], [7.0, 2.5]])
+    legs = legs_to_look(path, MAP.anchors, EYE, 2.5, HIDING)
+    assert len(legs) > 1
+    np.testing.assert_allclose([legs[0][0], legs[-1][-1]], path[[0, -1]])
+    for one, next_one in pairwise(legs):
+        np.testing.assert_allclose(one[-1], next_one[0])
+    assert sum(np.linalg.norm(np.diff(leg, axis=0), axis=1).sum() for leg in legs) == pytest.approx(6.2)
+    assert any((leg == path[1]).all(axis=1).any() for leg in legs), "its corners are kept"
+    seen = {anchor.id for leg in legs for anchor in in_sight(MAP.anchors, leg[-1], EYE, 2.5, HIDING)}
+    assert seen == {TABLE, COUNTER, DESK, SHELF}
+
+
+def test_a_path_is_not_cut_for_what_is_in_sight_at_its_end_or_never_or_for_nothing():
+    path = np.array([[5.0, 2.5], [7.0, 2.5]])
+    assert {DESK} <= {anchor.id for anchor in in_sight(MAP.anchors, path[-1], EYE, 2.5, HIDING)}
+    for anchors in ((), [ANCHORS[DESK]], [ANCHORS[COUNTER]]):
+        (leg,) = legs_to_look(path, anchors, EYE, 2.5, HIDING)
+        np.testing.assert_allclose(leg[[0, -1]], path)
+    (short,) = legs_to_look(path[[0, 0]], MAP.anchors, EYE, 2.5, HIDING)
+    np.testing.assert_allclose(short, path[[0, 0]])
 
 
 def test_what_is_low_is_looked_at_from_farther_off():

@@ -1,5 +1,7 @@
 """Which matches a search trusts (DualMap IV-C)."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from seo_slam.abstraction.abstract_map import AbstractMap, Anchor
@@ -14,6 +16,7 @@ from seo_slam.types import Landmark
 _BESIDE_M = 0.1  # a footprint's edge is not known better
 _NEXT_TO_M = 0.5  # what stood next to an anchor is looked for beside it
 _SAME_THING_M = 0.3
+_SAME_PLACE_M = 0.1
 
 
 class Judge:
@@ -31,7 +34,7 @@ class Judge:
     Attributes:
         required: score of a match.
         is_known: the map has something like what was asked for.
-        rejected: landmarks that turned out to be something else.
+        rejected: landmarks that need not be gone to again.
     """
 
     def __init__(self, query: Query, feature: FloatArray, first_score: float, senses: Senses, settings: NavigationSettings) -> None:
@@ -39,6 +42,7 @@ class Judge:
         self.required = max(min(first_score - settings.margin, settings.enough_score), settings.least_score)
         self.is_known = first_score >= settings.least_score
         self.rejected: set[int] = set()
+        self._refuted: list[FloatArray] = []
         self._query = query
         self._feature = feature
         self._senses = senses
@@ -47,13 +51,13 @@ class Judge:
     def best_at(self, anchor: Anchor, candidate: Candidate | None = None) -> Match | None:
         """Return what is most like the query at an anchor, confident or not; None if nothing was seen there."""
         at = [row for row in self._senses.landmarks if self._is_at(row, anchor, candidate)]
-        rows = ranked([row for row in at if row.id not in self.rejected], self._feature)
+        rows = ranked(self._open(at), self._feature)
         often = [row for row in rows if self._senses.observations(row.landmark) >= self._settings.local_observations]
         return next(iter(often or rows), None)
 
     def confident_at(self, anchor: Anchor, candidate: Candidate | None = None) -> Match | None:
         """Return the confident match at an anchor, if there is one."""
-        for row in ranked([row for row in self._senses.landmarks if row.id not in self.rejected], self._feature):
+        for row in ranked(self._open(self._senses.landmarks), self._feature):
             if row.score < self.required:
                 break
             if self._holds(row, self._settings.local_observations) and self._is_at(row.landmark, anchor, candidate):
@@ -62,7 +66,7 @@ class Judge:
 
     def clear(self, abstract_map: AbstractMap) -> Match | None:
         """Return the best clear match anywhere, if there is one."""
-        for row in ranked([row for row in self._senses.landmarks if row.id not in self.rejected], self._feature):
+        for row in ranked(self._open(self._senses.landmarks), self._feature):
             near = self._senses.nearest_m(row.landmark) <= self._settings.clear_range_m
             if near and self._holds(row, self._settings.clear_observations) and self._is_wanted(row, abstract_map):
                 return row
@@ -71,7 +75,7 @@ class Judge:
     def glimpse(self, abstract_map: AbstractMap) -> Match | None:
         """Return what would be a clear match, had it been seen more often, from nearer, or not been dropped since; if there is one."""
         forgotten = [row for row in self._senses.forgotten if not self._is_where_one_was_rejected(row)]
-        rows = ranked([row for row in (*self._senses.landmarks, *forgotten) if row.id not in self.rejected], self._feature)
+        rows = ranked(self._open((*self._senses.landmarks, *forgotten)), self._feature)
         return next((row for row in rows if self._holds(row, 1) and self._is_wanted(row, abstract_map)), None)
 
     def best(self) -> Match | None:
@@ -96,6 +100,16 @@ class Judge:
     def _is_at(self, landmark: Landmark, anchor: Anchor, candidate: Candidate | None) -> bool:
         beside_m = _NEXT_TO_M if candidate is not None and stood_beside(anchor, candidate) else _BESIDE_M
         return is_at(landmark, anchor, self._settings.box_growth, beside_m)
+
+    def refute(self, match: Match) -> None:
+        """Take it that a match is something else, seen from right before it: also when the mapper drops it, and finds it again."""
+        self.rejected.add(match.landmark.id)
+        self._refuted.append(center_of(match.landmark))
+
+    def _open(self, landmarks: Sequence[Landmark]) -> list[Landmark]:
+        """Those that may still be what was asked for."""
+        rows = [row for row in landmarks if row.id not in self.rejected]
+        return [row for row in rows if all(np.linalg.norm(center_of(row) - place) > _SAME_PLACE_M for place in self._refuted)]
 
     def _is_where_one_was_rejected(self, landmark: Landmark) -> bool:
         """Whether a closer look was taken at its place already: a mapper that drops and finds again gives new ids."""

@@ -27,6 +27,8 @@ _STOP_STEP_M, _STOP_APART_M = 0.05, 0.15
 _LOOKED_OVER_M = 1.2
 _INNER = np.array([[0.0, 0.0], [0.35, 0.35], [0.35, -0.35], [-0.35, 0.35], [-0.35, -0.35]])  # of a box
 _HALF_HIDDEN = 0.4
+_IN_PASSING_M = 0.5  # a place to look from in passing is at most so much farther off than the nearest
+_SAMPLE_M = 0.3
 _SHARE_OF_VIEW = 0.75  # one look takes in so much of the view's width
 
 
@@ -156,6 +158,46 @@ def in_sight(anchors: Sequence[Anchor], from_xy: FloatArray, eye: Eye, range_m: 
     return tuple(found)
 
 
+def legs_to_look(path_world: FloatArray, anchors: Sequence[Anchor], eye: Eye, range_m: float, layout: Layout) -> tuple[FloatArray, ...]:
+    """Cut a path at as few places as it takes to see each of some anchors in passing, from about as near as the path comes to it.
+
+    Args:
+        path_world: (N, 2) the way, world frame.
+        anchors: what to look at; those that come into sight at the end of the path, or never, need no place.
+        eye: of the robot.
+        range_m: farthest place to look at an anchor from.
+        layout: its walls.
+
+    Returns:
+        Pieces (M, 2) of the path; the robot is to look around at the end of each but the last.
+    """
+    xy, at = _samples(path_world)
+    open_places = []
+    for anchor in anchors:
+        away = np.linalg.norm(anchor.footprint_world - xy[:, None], axis=2).mean(axis=1)
+        seen = (away >= eye.nearest_m(anchor.support_z_m)) & (away <= range_m)
+        seen[seen] = hidden_share(xy[seen], anchor, layout) <= _HALF_HIDDEN
+        if seen.any() and not seen[-1]:
+            open_places.append(seen & (away <= away[seen].min() + _IN_PASSING_M))
+    cuts = []
+    while open_places:
+        cuts.append(int(np.argmax(np.sum(open_places, axis=0))))
+        open_places = [places for places in open_places if not places[cuts[-1]]]
+    legs, first = [], 0
+    for cut in (*sorted(cuts), len(xy) - 1):
+        legs.append(
+            np.concatenate(
+                [
+                    xy[first : first + 1],
+                    path_world[(at[first] < np.arange(len(path_world))) & (np.arange(len(path_world)) < at[cut])],
+                    xy[cut : cut + 1],
+                ]
+            )
+        )
+        first = cut
+    return tuple(legs)
+
+
 def heading_to(target_xy: FloatArray, from_xy: FloatArray) -> float:
     """Return the heading from one point (2,) to another."""
     way = target_xy - from_xy
@@ -234,6 +276,14 @@ def _free_around(low: FloatArray, high: FloatArray, step_m: float, grid: Grid) -
     ticks = [(np.arange(np.floor(a / step_m), np.floor(b / step_m) + 1) + 0.5) * step_m for a, b in zip(low, high, strict=True)]
     xy = np.stack(np.meshgrid(*ticks, indexing="ij"), axis=-1).reshape(-1, 2)
     return xy[grid.is_free(xy)] if len(xy) else xy
+
+
+def _samples(path_world: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Points (N, 2) along a path, and where each is, as a fractional index of the path's points."""
+    lengths_m = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path_world, axis=0), axis=1))])
+    walked_m = np.linspace(0.0, lengths_m[-1], max(int(np.ceil(lengths_m[-1] / _SAMPLE_M)), 1) + 1)
+    at = np.interp(walked_m, lengths_m, np.arange(len(path_world)))
+    return np.column_stack([np.interp(walked_m, lengths_m, path_world[:, k]) for k in range(2)]), at
 
 
 def _from_another_side(xy: FloatArray, middle: FloatArray, before: Sequence[FloatArray]) -> BoolArray:

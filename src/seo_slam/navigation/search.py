@@ -9,11 +9,11 @@ from seo_slam.errors import NoPathError
 from seo_slam.geometry import FloatArray
 from seo_slam.navigation.judging import Judge
 from seo_slam.navigation.local_match import Match, box_of, center_of, is_at, look_at_z_m
-from seo_slam.navigation.looking import heading_to, headings_over, in_sight, nearest_turn
+from seo_slam.navigation.looking import heading_to, headings_over, in_sight, legs_to_look, nearest_turn
 from seo_slam.navigation.memory import Memory
-from seo_slam.navigation.moves import Moves
+from seo_slam.navigation.moves import Moves, Walked
 from seo_slam.navigation.outcomes import Attempt, Candidate, Command, Ending
-from seo_slam.navigation.query import Query
+from seo_slam.navigation.query import Query, candidates
 from seo_slam.navigation.selection import Selection
 from seo_slam.navigation.senses import Senses
 from seo_slam.navigation.telling import in_another_room, looked_in_vain, stopped_before, taken_for
@@ -114,7 +114,7 @@ class Search:
             self._memory.done_with(anchor, looked_at=False)
             self._note(candidate, False, None, f"no path: {error}")
             return
-        walked = yield from self.moves.walk(path, lambda: self._clear() is not None)
+        walked = yield from self._walk_looking(path, anchor)
         if walked == "diverted":
             self._note(candidate, False, None, "left on the way for a clear match", path)
             return
@@ -130,6 +130,25 @@ class Search:
                 break
         self._memory.done_with(anchor, looked_at=self.found is None)
         self._note(candidate, True, self._judge.best_at(anchor, candidate), reason or "nothing there is what was asked for", path)
+
+    def _walk_looking(self, path_world: FloatArray, goal: Anchor) -> Generator[Command, None, Walked]:
+        """Walk to an anchor. Once it is open where the thing is, look in passing at furniture that was not seen well yet."""
+
+        def is_over() -> bool:
+            return self._clear() is not None
+
+        if not self._settings.look_in_passing or not self._first_is_over or self._settings.strategy != "updated":
+            return (yield from self.moves.walk(path_world, is_over))
+        seen, senses = self._settings.seen_share, self._senses
+        left = candidates(self._memory.map, self._feature, {*self._memory.tried_ids, goal.id}, self._query.room)
+        anchors = [self._memory.anchor(row.anchor_id) for row in left if senses.coverage.seen_share(row.anchor_id) < seen]
+        *legs, last = legs_to_look(path_world, anchors, senses.eye, self._settings.look_range_m, self._ways.layout)
+        for leg in legs:
+            walked = yield from self.moves.walk(leg, is_over)
+            if walked != "there":
+                return walked
+            yield from self._look_around()
+        return (yield from self.moves.walk(last, is_over))
 
     def _inspect(self, anchor: Anchor, candidate: Candidate) -> Generator[Command, None, None]:
         """Look at an anchor from one or more sides, then around, until there is a match on it, or a clear one elsewhere."""
@@ -164,6 +183,8 @@ class Search:
             heading = nearest_turn(list(headings.values()), self._senses.stance.yaw_rad)
             yield from self.moves.turn(heading)
             yield from self.moves.dwell()
+            if self._clear() is not None:
+                return
             left = {id: anchor for id, anchor in left.items() if headings[id] != heading}
 
     def _go_to(self, match: Match) -> Generator[Command, None, None]:
@@ -217,6 +238,7 @@ class Search:
             in_view = yield from self._face(target)
             still = self._judge.again(match, in_view) if self._settings.verify else match
             if still is None:
+                self._judge.refute(match)
                 return True, f"the {match.label} turned out to be something else"
             match = still
             if np.linalg.norm(center_of(match.landmark)[:2] - target[:2]) <= _MOVED_M:
@@ -237,15 +259,18 @@ class Search:
     def _clear(self) -> Match | None:
         """A clear match anywhere, if such are taken by now."""
         settings = self._settings
-        first_is_over = self._places_gone_to > 0 or not self._judge.is_known
-        taken = settings.opportunistic == "always" or (settings.opportunistic == "after_first" and first_is_over)
+        taken = settings.opportunistic == "always" or (settings.opportunistic == "after_first" and self._first_is_over)
         return self._judge.clear(self._memory.map) if taken and settings.strategy == "updated" else None
 
     def _glimpse(self) -> Match | None:
         """Something worth a closer look, once the first candidate was gone to."""
-        first_is_over = self._places_gone_to > 0 or not self._judge.is_known
-        taken = self._settings.opportunistic != "never" and self._settings.strategy == "updated" and first_is_over
+        taken = self._settings.opportunistic != "never" and self._settings.strategy == "updated" and self._first_is_over
         return self._judge.glimpse(self._memory.map) if taken else None
+
+    @property
+    def _first_is_over(self) -> bool:
+        """The thing is not where the map had it, or the map never had it: it may be anywhere."""
+        return self._places_gone_to > 0 or not self._judge.is_known
 
     @property
     def _places_gone_to(self) -> int:

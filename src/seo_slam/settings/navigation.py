@@ -44,6 +44,9 @@ class NavigationSettings(Settings):
     clear_score: float = Field(0.7, ge=-1, le=1, description="and the score that it needs, beside that of any match")
     clear_range_m: float = Field(3.5, gt=0, description="and from how near it must have been seen")
     look_first: bool = Field(True, description="look at the furniture around before setting out")
+    look_in_passing: bool = Field(
+        True, description="where it is open what is where, stop on the way for furniture that was not seen well yet, and look at it"
+    )
     views: int = Field(2, ge=1, le=4, description="places from which an anchor is looked at before it is given up")
     look_keyframes: int = Field(3, ge=1, description="keyframes that a look lasts")
     look_frames: int = Field(20, ge=1, description="frames that a look lasts at most")
