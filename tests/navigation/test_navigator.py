@@ -146,7 +146,7 @@ def test_furniture_by_the_way_is_looked_at_in_passing_once_the_thing_may_be_anyw
         return path[:1], path
 
     monkeypatch.setattr("seo_slam.navigation.search.legs_to_look", legs)
-    home = Home(mapped=mapped, now=None, look_in_passing=looks, look_first=False, views=1)
+    home = Home(mapped=mapped, now=None, look_in_passing=looks, look_first=False, views=1, unknown_attempts=3)
     home.navigator.ask("mug")
     search = home.navigator._search
     look_around = search._look_around
@@ -329,8 +329,15 @@ def test_a_thing_that_the_map_knows_nothing_like_can_be_answered_at_once_with_th
 def test_a_thing_that_the_map_knows_nothing_like_is_searched_for_and_not_found():
     outcome = Home().search("banana")
     assert outcome.ending == "not_found"
-    assert len(gone_to(outcome)) == 3
+    assert sorted(gone_to(outcome)) == [TABLE, COUNTER, DESK, SHELF], "more places than a thing that the map had somewhere"
     assert "knows nothing like 'banana'; the best it has is the table 1 (0.00)" in outcome.reason
+
+
+@pytest.mark.parametrize(("unknown_attempts", "places"), [(1, 2), (3, 3)])
+def test_the_places_for_what_the_map_does_not_know_can_be_set(unknown_attempts, places):
+    outcome = Home(attempts=2, unknown_attempts=unknown_attempts, views=1, look_first=False).search("banana")
+    assert len(gone_to(outcome)) == places
+    assert "attempts are used up" in outcome.reason
 
 
 def test_a_thing_that_came_into_the_home_is_found():

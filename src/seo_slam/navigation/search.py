@@ -79,9 +79,9 @@ class Search:
             clear = self._clear()
             if clear is not None:
                 yield from self._go_to(clear)
-            elif self._places_gone_to < self._settings.attempts and (glimpse := self._glimpse()) is not None:
+            elif self._places_gone_to < self._most_places and (glimpse := self._glimpse()) is not None:
                 yield from self._follow_up(glimpse)
-            elif self._places_gone_to < self._settings.attempts and (candidate := self._selection.next()) is not None:
+            elif self._places_gone_to < self._most_places and (candidate := self._selection.next()) is not None:
                 yield from self._try(candidate)
             else:
                 return self._in_vain()
@@ -273,6 +273,12 @@ class Search:
         return self._places_gone_to > 0 or not self._judge.is_known
 
     @property
+    def _most_places(self) -> int:
+        """After so many places the search ends: more where the map does not say with which to begin."""
+        settings = self._settings
+        return settings.attempts if self._judge.is_known else max(settings.attempts, settings.unknown_attempts)
+
+    @property
     def _places_gone_to(self) -> int:
         return sum(attempt.reached for attempt in self.attempts)
 
@@ -295,7 +301,7 @@ class Search:
     def _in_vain(self) -> tuple[Ending, str]:
         if not self._places_gone_to and self.attempts:
             return "no_path", self.attempts[0].reason
-        used = "attempts are used up" if self._places_gone_to >= self._settings.attempts else "there is no other candidate"
+        used = "attempts are used up" if self._places_gone_to >= self._most_places else "there is no other candidate"
         maps = (self._memory.map, self._memory.original)
         reason = looked_in_vain(self._query, self.attempts, maps, self._judge.best(), used)
         elsewhere = in_another_room(self._query, self._feature, self._judge.required, self._memory.map)

@@ -15,6 +15,9 @@ class NavigationSettings(Settings):
     """How a thing is searched for by name. Scores are cosines in the space of the embedder: the defaults are for MiniLM and words."""
 
     attempts: int = Field(3, ge=1, description="candidates that are gone to before the search ends (the paper: three)")
+    unknown_attempts: int = Field(
+        6, ge=1, description="the same for what the map knows nothing like, where it has no hint where to begin; at least `attempts`"
+    )
     margin: float = Field(0.1, ge=0, le=1, description="a match may score so much less than the first candidate did")
     enough_score: float = Field(
         0.75,
