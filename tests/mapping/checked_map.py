@@ -21,8 +21,9 @@ AT = np.array([1.2, 0.2, 0.8])
 class CheckedMap:
     """``see`` takes one keyframe's observations: (landmark id or None for a new one, place, word or None), an id as often as one likes."""
 
-    def __init__(self, smoother=None, named_share=1 / 3, **settings):
-        self.objects = ObjectMap(MapSettings(), embedding_size=8, clouds=CloudSettings(enabled=True, named_share=named_share))
+    def __init__(self, smoother=None, named_share=1 / 3, noise_at_1m_m=0.0, **settings):
+        clouds = CloudSettings(enabled=True, named_share=named_share, noise_at_1m_m=noise_at_1m_m)
+        self.objects = ObjectMap(MapSettings(), embedding_size=8, clouds=clouds)
         self.checks = StatusChecks(StatusSettings(**settings), self.objects, HashedEmbedder(size=8))
         self.smoother = smoother or GivenPosesSmoother()
         self.smoother.start(T_WORLD_FIRST, 1e-6 * np.eye(6))

@@ -85,6 +85,15 @@ def test_a_flat_piece_without_a_word_is_no_thing(flat_m, word, stable, thick):
     assert (world.row(0).state == "stable") == stable
 
 
+@pytest.mark.parametrize(("noise_at_1m_m", "stable"), [(0.0, True), (0.0057, True), (0.03, False)])
+def test_a_surface_is_as_thick_as_depth_noise_makes_it(noise_at_1m_m, stable):
+    world = CheckedMap(observations=3, background=(), flat_m=0.001, noise_at_1m_m=noise_at_1m_m)
+    world.see((None, AT, None), thick=0.3)
+    for _ in range(9):
+        world.see((0, AT, None), thick=0.3)
+    assert (world.row(0).state == "stable") == stable
+
+
 def test_each_half_of_the_rule_is_switched_off_by_itself():
     wall = HashedEmbedder(size=8).embed_text(["wall"])[0]
     for thick, background, flat_m, stable in [

@@ -20,6 +20,9 @@ NULL = ""
 RESTORED = -1
 """Keyframe of an observation that was made before this run: the smoother holds no measurement of it."""
 
+NOISE_SIGMAS = 3.0
+"""``CloudSettings.noise_at_1m_m`` is so many standard deviations of the sensor's noise."""
+
 _NO_POINTS = Cloud(np.zeros((0, 3)))
 
 
@@ -141,6 +144,12 @@ class ObservationRecord:
         if len(parts) != len(self._parts) or any(new is not old for new, old in zip(parts, self._parts, strict=True)):
             self._parts, self._whole = parts, Cloud(_one_a_voxel(parts, self._settings.voxel_m))
         return self._whole
+
+    def blur_m(self) -> float:
+        """How thick depth noise alone makes a surface seen from where this was: the extent of points spread evenly with its deviation."""
+        depths_m = np.concatenate([np.zeros(0), *(cloud.p_keyframe[:, 2] for cloud in self._clouds.values())])
+        sigma_at_1m_m = self._settings.noise_at_1m_m / NOISE_SIGMAS
+        return float(np.sqrt(12.0) * sigma_at_1m_m * np.median(depths_m) ** 2) if len(depths_m) else 0.0
 
     def seen_at_once(self, window: int) -> dict[tuple[str, str], int]:
         """In how many of the newest ``window`` keyframes two words (neither of them null, nor joined) were observed together."""

@@ -130,7 +130,8 @@ class StatusChecks:
         in the map while it is seen, never stable: were it removed, the next view of it would make another one.
         """
         p_world, flat_m = self._map.cloud(thing).p_world, self._settings.flat_m
-        if flat_m > 0 and len(p_world) and thickness_m(p_world) <= flat_m:
+        blur_m = 0.0 if thing.record is None else thing.record.blur_m()
+        if flat_m > 0 and len(p_world) and thickness_m(p_world) <= max(flat_m, blur_m):
             return True
         said = sorted({word for other in self._map.things.values() for word in other.weights})
         if not said or not self._settings.background:

@@ -39,7 +39,9 @@ class StatusSettings(Settings):
         description="a landmark without a word that looks more like these than any word said is never stable; none: looks do not count",
     )
     flat_m: float = Field(
-        0.04, ge=0, description="nor does one without a word that is no thicker, a piece of a surface; 0: thickness does not count"
+        0.04,
+        ge=0,
+        description="nor is one without a word that is no thicker, or no thicker than noise makes a surface; 0: thickness does not count",
     )
     silent_keyframes: int = Field(10, ge=1, description="a landmark not seen for so many keyframes is checked")
     silent_seconds: float = Field(2.0, ge=0, description="and for so long")
