@@ -102,3 +102,16 @@ def test_without_the_extra_it_says_so_before_anything_is_mapped(monkeypatch):
     with pytest.raises(MissingBackendError, match=r"seo-slam\[nav\]"):
         pipeline(both)
     assert mapped(pipeline(both, "layout.enabled=false"), 3).abstract is None
+
+
+def test_the_map_says_how_its_features_were_made():
+    class Looks(HashedEmbedder):
+        def embed_image(self, images):
+            return self.embed_text(["picture"] * len(images))
+
+    assert mapped(pipeline(both)).features.in_words == "words only"
+    looking = pipeline(both, embedder=Looks())
+    expected = looking.snapshot().features  # a navigator asks before the first frame
+    assert expected.in_words == "0.7 pictures (Looks:hashed) and 0.3 words"
+    assert mapped(looking).features == expected
+    assert mapped(pipeline(both, preset="seo_slam_no_agents")).features is None
