@@ -61,10 +61,10 @@ VARIANTS = {
     "no stability check": Variant(("status.observations=1", "status.majority=0")),
     "no existence": Variant(("status.existence=false",)),
     "greedy": Variant(('overlap.assignment="greedy"',)),
-    "one to one": Variant(('overlap.assignment="one_to_one"',)),
+    "greedy without split": Variant(('overlap.assignment="greedy"', "status.split=false")),
     "3D merge": Variant(("status.merge=true",)),
 }
-"""The paper's ablations (Tables III and IV), the paper's checks without existence, and greedy against one-to-one matching.
+"""The paper's ablations (Tables III and IV), the paper's checks without existence, and greedy matching against one to one.
 
 "image only" is its "w/o weighted feats".
 """

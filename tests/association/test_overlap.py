@@ -111,7 +111,7 @@ def test_the_threshold_itself_is_not_enough():
 def test_greedy_lets_two_observations_share_a_landmark():
     landmarks = known((0,))
     observations = seen([landmarks.p_world[0], landmarks.p_world[0] + np.array([0.01, 0, 0])], ("cup", "cup"))
-    result = matched(observations, landmarks)
+    result = matched(observations, landmarks, assignment="greedy")
     assert result.shared
     assert result.landmark_ids.tolist() == [3, 3]
 
@@ -135,9 +135,9 @@ def test_one_to_one_takes_the_most_similarity_in_total():
     # the first is known from its middle to the point between both, the second only there
     landmarks = replace(landmarks, clouds=(Cloud(np.concatenate([patch(first), patch(middle)])), Cloud(patch(middle, 1))))
     observations = seen([middle, first], ("book", "book"))
-    greedy = matched(observations, landmarks)
+    greedy = matched(observations, landmarks, assignment="greedy")
     assert greedy.landmark_ids.tolist() == [8, 8]
-    assert matched(observations, landmarks, assignment="one_to_one", distance_m=0.05).landmark_ids.tolist() == [9, 8]
+    assert matched(observations, landmarks, distance_m=0.05).landmark_ids.tolist() == [9, 8]
 
 
 @pytest.mark.parametrize("assignment", ["greedy", "one_to_one"])

@@ -208,10 +208,11 @@ class StatusChecks:
         Seen from another side, a thing shows other points: the overlap is small, and it comes twice. Two sides look alike, touch, and are
         never detected at once, whereas two things side by side sooner or later are. Boxes are compared, never points.
         """
-        things = [thing for thing in self._map.things.values() if len(self._map.cloud(thing)) and not thing.is_background]
+        clouds = {thing.id: self._map.cloud(thing) for thing in self._map.things.values() if not thing.is_background}
+        things = [self._map[landmark_id] for landmark_id, cloud in clouds.items() if len(cloud)]
         if len(things) < 2:
             return []
-        bounds = np.array([self._map.cloud(thing).inner_bounds for thing in things])
+        bounds = np.array([clouds[thing.id].inner_bounds for thing in things])
         looks = np.array([thing.embedding() for thing in things])
         seen_now, gone = set(seen), set[int]()
         events = []

@@ -18,7 +18,7 @@ class OverlapSettings(Settings):
         description="that distance is at least this times the squared range, as depth noise grows; 0: the same everywhere (the paper)",
     )
     assignment: Literal["greedy", "one_to_one"] = Field(
-        "greedy", description="greedy: each observation takes its best landmark (the paper); one_to_one: by assignment, none twice"
+        "one_to_one", description="greedy: each observation takes its best landmark (the paper); one_to_one: by assignment, none twice"
     )
 
 
