@@ -113,5 +113,4 @@ def abstracted(concrete: Map, cloud: SceneCloud, embedder: Embedder, settings: M
     """Return a concrete map together with the abstract one that comes out of it and a scene cloud."""
     anchors = abstract(concrete.landmarks, embedder, settings.abstraction).anchors
     layout, rooms = with_rooms(cloud.layout(), anchors, embedder, settings.layout)
-    rows = (*concrete.landmarks, *concrete.tentative)
-    return Map(rows, concrete.gravity, concrete.embedder, concrete.next_id, AbstractMap(anchors, layout, rooms, embedder.name))
+    return concrete.with_abstract(AbstractMap(anchors, layout, rooms, embedder.name, concrete.features))

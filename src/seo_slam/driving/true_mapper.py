@@ -7,7 +7,7 @@ from seo_slam.geometry import FloatArray, transform_points
 from seo_slam.interfaces import Embedder, Odometry
 from seo_slam.map import Map
 from seo_slam.perception.voxels import cell_order, voxel_cells, voxel_means
-from seo_slam.records import StepResult
+from seo_slam.records import FeatureRecipe, StepResult
 from seo_slam.simulation.detector import View
 from seo_slam.simulation.world import STRUCTURE_ID
 from seo_slam.types import Frame, IntArray, Landmark
@@ -69,7 +69,8 @@ class TrueMapper:
 
     def snapshot(self) -> Map:
         """Return everything seen so far; ids are those of the things."""
-        return Map((self._landmark(thing_id) for thing_id in self._seen), "poses", self._embedder.name)
+        rows = (self._landmark(thing_id) for thing_id in self._seen)
+        return Map(rows, "poses", self._embedder.name, features=FeatureRecipe(0.0, 1.0))
 
     def close(self) -> None:
         """Nothing is to be released."""
