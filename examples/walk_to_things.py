@@ -168,7 +168,7 @@ def told(trial, robot, navigator, world):
     search = Search(
         abstract_map=mapped.abstract,
         driven_world=np.concatenate([navigator.trace_world, robot.xy_world[None]]),
-        planned=[(attempt.candidate.anchor_id, attempt.path_world) for attempt in outcome.attempts],
+        planned=[(attempt.candidate.anchor_id, attempt.path_world) for attempt in outcome.attempts if attempt.reached],
         title=f"{trial.query}: {outcome.ending}",
         subtitle=outcome.reason,
         target_world=world.thing(stop.thing_id).p_world,

@@ -45,7 +45,7 @@ def test_a_thing_is_found_and_the_way_is_drawn(run, map_folder, planned, tmp_pat
     picture = tmp_path / "search.svg"
     status, out, err = run("navigate", map_folder, f"the {carried().label}", *SMALL, "--seed", 1, "--out", picture)
     assert (status, err) == (0, "")
-    assert "attempt 1" in out
+    assert "place 1" in out
     assert "\nfound " in out
     assert "m away, in sight\n" in out
     assert str(picture) in out

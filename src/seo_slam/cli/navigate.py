@@ -140,12 +140,14 @@ def _told(mapped: "Map", result: "TrialResult") -> str:
     """What was tried and how it ended, in lines."""
     drive, outcome = result.drive, result.outcome
     labels = {} if mapped.abstract is None else {anchor.id: anchor.label for anchor in mapped.abstract.anchors}
-    lines = []
-    for number, attempt in enumerate(outcome.attempts, 1):
+    lines, places = [], 0
+    for attempt in outcome.attempts:
+        places += attempt.reached
+        place = f"place {places}" if attempt.reached else "not come to"
         wanted = attempt.candidate
         why = f", for the {wanted.because}" if wanted.volatile else ""
         where = _printable(f"{labels.get(wanted.anchor_id, 'new furniture')} {wanted.anchor_id}{why} ({wanted.score:.2f})")
-        lines.append(f"attempt {number}   {where}: {_printable(attempt.reason)}")
+        lines.append(f"{place:<11} {where}: {_printable(attempt.reason)}")
     lines.append(f"{outcome.ending.replace('_', ' '):<11} {_printable(outcome.reason)}")
     if result.target_world is None:
         lines.append("truth       nothing in this world has that name")
