@@ -66,6 +66,7 @@ def test_a_path_is_cut_where_furniture_comes_into_sight():
     path = np.array([[0.8, 2.5], [3.5, 2.5], [7.0, 2.5]])
     legs = legs_to_look(path, MAP.anchors, EYE, 2.5, HIDING)
     assert len(legs) > 1
+    assert np.linalg.norm(legs[0][-1] - path[0]) > 0.5, "where it stands it has looked around"
     np.testing.assert_allclose([legs[0][0], legs[-1][-1]], path[[0, -1]])
     for one, next_one in pairwise(legs):
         np.testing.assert_allclose(one[-1], next_one[0])

@@ -9,8 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from seo_slam.abstraction.abstract_map import Room
+from seo_slam.abstraction.room_finding import room_of
 from seo_slam.errors import ConfigError
-from seo_slam.navigation.query import candidates, cosine, parsed, room_at
+from seo_slam.navigation.query import candidates, cosine, parsed
 
 ROOMS = (Room(1, "kitchen", 10.0), Room(2, "living room", 20.0), Room(3, "room", 5.0), Room(4, "room 4", 5.0))
 
@@ -102,9 +103,9 @@ def test_without_a_layout_a_room_says_nothing():
 
 def test_furniture_that_covers_its_floor_is_in_the_room_around_it():
     given_map = mapped()
-    rooms = [room_at(given_map.layout, *anchor.bounds_world) for anchor in given_map.anchors]
+    rooms = [room_of(given_map.layout, anchor.footprint_world) for anchor in given_map.anchors]
     assert rooms == [KITCHEN, KITCHEN, STUDY, STUDY]
-    assert room_at(given_map.layout, np.array([-9.0, -9.0]), np.array([-8.0, -8.0])) == 0
+    assert room_of(given_map.layout, np.array([[-9.0, -9.0], [-8.0, -8.0]])) == 0
 
 
 def test_features_of_another_size():

@@ -5,10 +5,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from seo_slam.abstraction.abstract_map import AbstractMap, Anchor
+from seo_slam.abstraction.room_finding import room_of
 from seo_slam.geometry import FloatArray
 from seo_slam.navigation.local_match import Match, center_of, is_at, ranked, stood_beside
 from seo_slam.navigation.outcomes import Candidate
-from seo_slam.navigation.query import Query, room_at, room_ids
+from seo_slam.navigation.query import Query, room_ids
 from seo_slam.navigation.senses import Senses
 from seo_slam.settings.navigation import NavigationSettings
 from seo_slam.types import Landmark
@@ -125,5 +126,5 @@ class Judge:
             return False
         if self._query.room is None or abstract_map.layout is None:
             return True
-        xy = center_of(match.landmark)[:2]
-        return room_at(abstract_map.layout, xy, xy) in room_ids(abstract_map.rooms, self._query.room)
+        xy_world = center_of(match.landmark)[None, :2]
+        return room_of(abstract_map.layout, xy_world) in room_ids(abstract_map.rooms, self._query.room)

@@ -6,11 +6,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from seo_slam.abstraction.abstract_map import Anchor, Layout
+from seo_slam.abstraction.room_finding import room_of
 from seo_slam.camera import Camera
 from seo_slam.geometry import FloatArray
 from seo_slam.navigation.motion import turned_by, wrapped
 from seo_slam.navigation.parts import Grid
-from seo_slam.navigation.query import room_at
 from seo_slam.types import BoolArray
 
 _FARTHEST_M = 2.4  # from a footprint, to look at it
@@ -98,7 +98,7 @@ def viewpoints(
     xy, away = xy[kept], away[kept]
     cost = _TOO_NEAR * np.maximum(best_m - away, 0.0) + _TOO_FAR * np.maximum(away - best_m, 0.0)
     cost += _WAY * np.linalg.norm(xy - from_xy, axis=1) + _HIDDEN * hidden_share(xy, anchor, layout)
-    room = room_at(layout, low, high)
+    room = room_of(layout, anchor.footprint_world)
     if room:
         cost += _OTHER_ROOM * (rooms_of(xy, layout) != room)
     return _best(xy, cost, from_xy, grid, _PLACES, _APART_M)
@@ -172,10 +172,11 @@ def legs_to_look(path_world: FloatArray, anchors: Sequence[Anchor], eye: Eye, ra
         Pieces (M, 2) of the path; the robot is to look around at the end of each but the last.
     """
     xy, at = _samples(path_world)
+    gone = np.linalg.norm(xy - xy[0], axis=1) > _IN_PASSING_M  # where it stands now it has looked around
     open_places = []
     for anchor in anchors:
         away = np.linalg.norm(anchor.footprint_world - xy[:, None], axis=2).mean(axis=1)
-        seen = (away >= eye.nearest_m(anchor.support_z_m)) & (away <= range_m)
+        seen = (away >= eye.nearest_m(anchor.support_z_m)) & (away <= range_m) & gone
         seen[seen] = hidden_share(xy[seen], anchor, layout) <= _HALF_HIDDEN
         if seen.any() and not seen[-1]:
             open_places.append(seen & (away <= away[seen].min() + _IN_PASSING_M))

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from seo_slam.abstraction.abstract_map import AbstractMap, Anchor, Layout, Room
-from seo_slam.abstraction.room_finding import room_of, room_of_box
+from seo_slam.abstraction.abstract_map import AbstractMap, Anchor, Room
+from seo_slam.abstraction.room_finding import room_of
 from seo_slam.errors import ConfigError
 from seo_slam.geometry import FloatArray
 from seo_slam.navigation.outcomes import Candidate
@@ -85,11 +85,6 @@ def cosine(rows: FloatArray, feature: FloatArray) -> FloatArray:
 def room_ids(rooms: Sequence[Room], name: str) -> frozenset[int]:
     """Return the ids of all rooms of a name."""
     return frozenset(room.id for room in rooms if room.name.casefold() == name.casefold())
-
-
-def room_at(layout: Layout, low_world: FloatArray, high_world: FloatArray) -> int:
-    """Return the id of the room that most cells of a box are of, or those right beside it; 0 if there is none near."""
-    return room_of_box(layout, low_world, high_world)
 
 
 def _is_in(abstract_map: AbstractMap, anchor: Anchor, room: str | None) -> bool:

@@ -93,8 +93,9 @@ class Senses:
         self.coverage.add(frame, result.T_world_camera)
         since = self._started_s or 0.0
         before = (*self.forgotten, *self.landmarks)
-        self.landmarks = tuple(row for row in self._rows() if row.last_seen_s >= since)
-        known = {row.id for row in self.landmarks}
+        rows = self._rows()
+        self.landmarks = tuple(row for row in rows if row.last_seen_s >= since and row.state != "lost")
+        known = {row.id for row in rows}  # also what is lost: its place was seen to be empty
         self.forgotten = tuple(row for row in before if row.id not in known)
         for row in self.landmarks:
             if row.last_seen_s >= frame.timestamp_s:
@@ -103,5 +104,4 @@ class Senses:
 
     def _rows(self) -> tuple[Landmark, ...]:
         local = self._mapper.snapshot()
-        rows = (*local.landmarks, *getattr(local, "tentative", ()))
-        return tuple(row for row in rows if row.state != "lost")
+        return (*local.landmarks, *getattr(local, "tentative", ()))
