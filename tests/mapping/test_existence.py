@@ -1,5 +1,6 @@
 """Three explanations of hits and misses: it is there, it never was, it is gone."""
 
+from collections import Counter
 from dataclasses import astuple, replace
 
 import pytest
@@ -44,7 +45,7 @@ def of(pattern):
 
 
 def test_what_is_always_found_and_then_missed_again_and_again_is_gone():
-    gaps = MeasuredGaps([0, 0, 0, 1, 0] * 40)
+    gaps = MeasuredGaps([Counter([0, 0, 0, 1, 0] * 40)])
 
     def belief(pattern):
         seen = of(pattern)
@@ -58,7 +59,7 @@ def test_what_is_always_found_and_then_missed_again_and_again_is_gone():
 def test_what_is_found_in_one_view_of_six_is_not_gone_after_six():
     """A detector of such a kind, measured by all it finds, leaves gaps of five and more behind everything."""
     seen = of("x.....xx......x....x" + "." * 6)
-    gaps = MeasuredGaps([0, 5, 0, 6, 4, 5, 7, 3, 5, 6, 9, 4] * 5)
+    gaps = MeasuredGaps([Counter([0, 5, 0, 6, 4, 5, 7, 3, 5, 6, 9, 4] * 5)])
     belief = believe(seen, POOR, gaps.outlasting(seen.tail, seen.gaps), VANISHING)
     assert belief.there > 0.5
 
@@ -82,9 +83,9 @@ def test_free_space_counts_more_than_a_miss_but_not_without_end():
 
 def test_a_hit_ends_the_tail_and_is_remembered_as_a_gap():
     seen = of("xx..o.x")
-    assert seen == Sightings(hits=3, misses=4, tail=0, free=0, gaps=[0, 0, 4])
+    assert seen == Sightings(hits=3, misses=4, tail=0, free=0, gaps=Counter([0, 0, 4]))
     seen.hit(should_be_seen=False)
-    assert (seen.hits, seen.gaps) == (3, [0, 0, 4, 0])
+    assert (seen.hits, seen.gaps) == (3, Counter([0, 0, 4, 0]))
     seen.miss(seen_through=True)
     assert (seen.tail, seen.free, seen.misses) == (1, 1, 4)
 
@@ -150,3 +151,12 @@ def test_a_poor_detectors_things_live_where_a_good_ones_would_be_gone():
     """The same sightings, and what else was seen while they were made."""
     seen = of("x....x...x...x" + "." * 12)
     assert there(seen, POOR, 0.2) > there(seen, GOOD, 0.2)
+
+
+def test_a_part_has_no_more_hits_than_observations():
+    whole = of("xxxxxx..x")
+    part = whole.of_a_part(3)
+    assert (part.hits, part.misses, part.gaps) == (3, whole.misses, whole.gaps)
+    part.hit(should_be_seen=True)
+    assert whole == of("xxxxxx..x")
+    assert whole.of_a_part(50).hits == whole.hits

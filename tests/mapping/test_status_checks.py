@@ -1,5 +1,7 @@
 """DualMap's status checks: what is seen often as one thing stays, what is noise goes, what is two is split (III-B3)."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from checked_map import AT, CheckedMap
@@ -12,6 +14,8 @@ from seo_slam.backends.hashed_embedder import HashedEmbedder
 from seo_slam.errors import MapError
 from seo_slam.mapping.edits import merge_landmarks
 from seo_slam.mapping.status_checks import shared_share
+from seo_slam.testing.store import make_landmark
+from seo_slam.testing.worlds import T_WORLD_FIRST
 
 ASIDE = AT + np.array([0.0, 0.12, 0.0])
 ELSEWHERE = AT + np.array([0.0, -0.6, 0.0])
@@ -388,3 +392,29 @@ def test_background_joined_with_a_thing_is_judged_anew():
     merge_landmarks(0, 1, world.objects, world.smoother, "agent")
     assert not world.objects[0].is_background
     assert world.see((0, AT, None)) == [("stable", 0)]
+
+
+def test_a_continued_things_distance_is_not_known_and_its_surface_is():
+    world = CheckedMap(background=(), noise_at_1m_m=0.0057)
+    far = AT + np.array([6.0, 0.0, 0.0])
+    cube = far + np.random.default_rng(2).uniform(-0.1, 0.1, (200, 3))
+    landmark = replace(make_landmark(0), label="", labels={}, position_m=far, cloud_world=cube)
+    world.objects.restore(landmark, T_WORLD_FIRST)
+    assert world.objects[0].record.blur_m() == 0.0
+    assert not world.checks._is_background(world.objects[0])
+    surface = world.objects[0].surface()
+    assert np.ptp(surface, axis=0) == pytest.approx([0.2] * 3, abs=0.05)
+    assert surface.mean(axis=0) == pytest.approx([0.0] * 3, abs=0.05)
+
+
+def test_each_half_of_a_split_has_its_own_sightings_and_surface():
+    world = CheckedMap(observations=4)
+    world.see((None, AT, "cup"))
+    while len(world.ids()) == 1:
+        world.see((0, AT, "cup"), (0, ASIDE, "book"))
+        world.objects[0].sightings.hits = world.keyframes
+        assert world.keyframes < 12
+    for one in (world.objects[i] for i in world.ids()):
+        assert 0 < one.sightings.hits <= one.observations < world.keyframes + 1
+        assert np.abs(one.surface()).max() < 0.1
+        assert one.looks == []

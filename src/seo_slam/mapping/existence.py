@@ -5,6 +5,7 @@ rate that mistakes have; or it was there until its last hit and is gone since. R
 thing that is there goes unfound is measured (``recall``), so that a thing found in one view of six is not taken for gone after five.
 """
 
+from collections import Counter
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -38,18 +39,18 @@ class Sightings:
         misses: views in which it should have been seen, and was not, but was later.
         tail: such views since it was last seen.
         free: those of the tail in which the camera saw through its place.
-        gaps: lengths of earlier tails, each ended by a view that saw it; 0 where it was seen again at once.
+        gaps: how many earlier tails were how long, each ended by a view that saw it; 0 where it was seen again at once.
     """
 
     hits: int = 0
     misses: int = 0
     tail: int = 0
     free: int = 0
-    gaps: list[int] = field(default_factory=list)
+    gaps: Counter[int] = field(default_factory=Counter)
 
     def hit(self, should_be_seen: bool) -> None:
         """It was seen; whatever was missed before, it was there."""
-        self.gaps.append(self.tail)
+        self.gaps[self.tail] += 1
         self.hits += int(should_be_seen)
         self.misses += self.tail
         self.tail = self.free = 0
@@ -58,6 +59,10 @@ class Sightings:
         """It should have been seen, and was not."""
         self.tail += 1
         self.free += int(seen_through)
+
+    def of_a_part(self, observations: int) -> "Sightings":
+        """Of a part of the thing that has so many of its observations: no more hits than that."""
+        return Sightings(min(self.hits, observations), self.misses, self.tail, self.free, self.gaps.copy())
 
     def merged(self, other: "Sightings") -> "Sightings":
         """Of two halves of one thing: a view that one half missed may have been a hit of the other."""

@@ -77,6 +77,7 @@ class ObjectMap:
             fixed_label=landmark.label if landmark.label and landmark.label != heaviest(landmark.labels) else None,
             fixed_category=landmark.category,
             record=ObservationRecord.restored(landmark, self.clouds, T_first) if self.clouds.enabled else None,
+            surface_views=_surface_views(landmark.cloud_world, landmark.position_m),
         )
         self.next_id = max(self.next_id, landmark.id + 1)
 
@@ -162,8 +163,7 @@ class ObjectMap:
         _keep_newest(thing.cut_sizes if cut else thing.whole_sizes, np.asarray(high - low, dtype=np.float64))
         if not cut:
             _keep_newest(thing.whole_across, observations.size_m[row])
-        chosen = np.linspace(0, len(cloud) - 1, SURFACE_POINTS).astype(np.int64)
-        thing.surface_views = [*thing.surface_views[1 - SURFACE_VIEWS :], cloud[chosen] - p_world]
+        thing.surface_views = [*thing.surface_views[1 - SURFACE_VIEWS :], *_surface_views(cloud, p_world)]
         thing.changed()
 
     def _count_apart(self, landmark_ids: IntArray, boxes_px: FloatArray) -> None:
@@ -234,7 +234,12 @@ class ObjectMap:
         thing.weights = {word: weight for word, weight in thing.weights.items() if word not in words}
         thing.observations, new.observations = len(thing.record), len(new.record or ())
         new.existence, new.cov_world = thing.existence, thing.cov_world
-        new.surface_views, new.looks = list(thing.surface_views), list(thing.looks)
+        whole = thing.sightings
+        for one in (thing, new):  # what was kept is of both together
+            one.sightings = whole.of_a_part(one.observations)
+            p_world = self.cloud(one).p_world
+            middle = 0.5 * (p_world.min(axis=0) + p_world.max(axis=0)) if len(p_world) else np.zeros(3)
+            one.surface_views, one.looks = _surface_views(p_world, middle), []
         for one in (thing, new):
             one.version += 1
             one.changed()
@@ -342,6 +347,13 @@ class ObjectMap:
             category=thing.fixed_category,
             cloud_world=cloud.p_world,
         )
+
+
+def _surface_views(p_world: FloatArray, middle: FloatArray) -> list[FloatArray]:
+    """A sample of points (M, 3) relative to a middle (3,), as one view of a surface; none of no points."""
+    if not len(p_world):
+        return []
+    return [p_world[np.linspace(0, len(p_world) - 1, SURFACE_POINTS).astype(np.int64)] - middle]
 
 
 def _keep_newest(kept: list[FloatArray], new: FloatArray) -> None:

@@ -4,7 +4,8 @@ Detectors find a keyboard in every view and a thin book in one of six; a simulat
 a miss is depends on that, so the spread between things is measured with the mean (empirical Bayes).
 """
 
-from collections.abc import Iterable, Sequence
+from collections import Counter
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 from scipy.special import betaln
@@ -52,12 +53,19 @@ OWN_GAPS = 1.0
 class MeasuredGaps:
     """How long things that are there go unfound: lengths of all gaps that ended with a hit."""
 
-    def __init__(self, gaps: Iterable[int]) -> None:
-        """Take the gaps of all things; most are 0 long."""
-        self._sorted = np.sort(np.fromiter(gaps, dtype=np.int64))
+    def __init__(self, gaps: Iterable[Mapping[int, int]]) -> None:
+        """Take the gaps of all things: of each how many were how long; most are 0 long."""
+        counts: Counter[int] = Counter()
+        for of_one in gaps:
+            counts.update(of_one)
+        self._counts = counts
+        self._total = counts.total()
 
-    def outlasting(self, length: int, own: Sequence[int]) -> float:
+    def outlasting(self, length: int, own: Mapping[int, int]) -> float:
         """Return the chance that a gap of a thing with these gaps of its own lasts ``length`` views or more."""
-        longer = len(self._sorted) - int(np.searchsorted(self._sorted, length))
-        of_all = (longer + PRIOR_GAPS / (1.0 + length)) / (len(self._sorted) + PRIOR_GAPS)
-        return (sum(gap >= length for gap in own) + OWN_GAPS * of_all) / (len(own) + OWN_GAPS)
+        of_all = (_longer(self._counts, length) + PRIOR_GAPS / (1.0 + length)) / (self._total + PRIOR_GAPS)
+        return (_longer(own, length) + OWN_GAPS * of_all) / (sum(own.values()) + OWN_GAPS)
+
+
+def _longer(counts: Mapping[int, int], length: int) -> int:
+    return sum(times for gap, times in counts.items() if gap >= length)

@@ -86,7 +86,7 @@ class Watch:
         confirmed = [thing.sightings for thing in self._map.things.values() if self._map.is_confirmed(thing)]
         confirmed += [buried.sightings for buried in self._buried.values()]
         recall = MeasuredRecall((sightings.hits, sightings.misses) for sightings in confirmed)
-        gaps = MeasuredGaps(gap for sightings in confirmed for gap in sightings.gaps)
+        gaps = MeasuredGaps(sightings.gaps for sightings in confirmed)
         for thing in things:
             own = thing.sightings
             thing.existence = believe(own, recall, gaps.outlasting(own.tail, own.gaps), self._vanishing).there
