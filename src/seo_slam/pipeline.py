@@ -118,7 +118,8 @@ class Pipeline:
         self._objects = ObjectMap(self.config.map, self.parts.embedder.size, next_id, self.config.clouds)
         self._life: LifeCycle | SightingsOnly | StatusChecks = SightingsOnly(self._objects)
         if self.config.status.enabled:
-            watch = Watch(self.config.lifting, self._objects, self.config.life.vanishing) if self.config.status.existence else None
+            counts_misses = self.config.status.existence and self.config.life.enabled
+            watch = Watch(self.config.lifting, self._objects, self.config.life.vanishing) if counts_misses else None
             self._life = StatusChecks(self.config.status, self._objects, self.parts.embedder, watch, self.config.life)
         elif self.config.life.enabled:
             self._life = LifeCycle(self.config.life, self.config.lifting, self._objects, self._likelihood)
@@ -252,8 +253,16 @@ class Pipeline:
         if first:  # only now: a detector that fails on the first frame must leave no trace
             self._start(motion)
             self._placed(frame, motion)
+            warnings += self._unlike_before()
         outcome = self._keyframe(frame, motion, detections, observations, warnings)
         return self._estimate.T_world_camera, outcome
+
+    def _unlike_before(self) -> list[str]:
+        """A warning where the map that is continued has features of another kind."""
+        old, new = None if self._old_map is None else self._old_map.features, self._measuring.recipe
+        if old is None or new is None or old.in_words == new.in_words:
+            return []
+        return [f"the map that is continued has features of {old.in_words}, new ones are of {new.in_words}: they hardly compare"]
 
     def _placed(self, frame: Frame, motion: Motion) -> None:
         """Go on from a keyframe that is in the graph now; from here on a part that raises cannot tear graph and path apart."""

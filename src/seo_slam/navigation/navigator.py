@@ -97,7 +97,6 @@ class Navigator:
             raise MapError(f"navigator: got embedder {embedder.name!r} for a map of {abstract_map.embedder!r}, wanted the same")
         self._map = abstract_map
         self._mapper = mapper
-        self._unlike = ""
         self._embedder = embedder
         self._seed = seed
         self._ways = _ways(abstract_map, planning or PlannerSettings(), grid, far, near, seed)
@@ -199,9 +198,6 @@ class Navigator:
         if not rows:
             return self._answer("not_found", f"the map has no furniture in the {query.room}")
         first = rows[0]
-        self._unlike = _unlike(abstract_map, self._mapper)
-        if self._unlike:
-            self._note(self._unlike)
         self._unknown = _not_known(abstract_map, query, first) if first.score < self.settings.least_score else ""
         if self._unknown and self.settings.unknown == "answer":
             return self._answer("not_found", self._unknown)
@@ -216,8 +212,9 @@ class Navigator:
         return None
 
     def _finish(self, ending: Ending, reason: str) -> Command:
-        why = "" if ending == "found" else "".join(f"; {note}" for note in (self._unknown, self._unlike) if note)
-        self._answer(ending, reason + why)
+        unlike = _unlike(self.abstract_map, self._mapper)  # only now: before its first frame a mapper may not know how it makes features
+        notes = (self._unknown, unlike)
+        self._answer(ending, reason + ("" if ending == "found" else "".join(f"; {note}" for note in notes if note)))
         self._end_search()
         return stop(self._senses.stance)
 
