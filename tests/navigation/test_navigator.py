@@ -210,6 +210,20 @@ def test_what_is_nowhere_is_not_found_and_the_best_is_named():
     assert "the best seen is" in outcome.reason
 
 
+def test_an_attempt_keeps_the_word_that_its_anchor_had_then(monkeypatch):
+    def learn(memory, feature, required):
+        memory.map = replace(memory.map, anchors=tuple(replace(a, label=f"{a.label}'") for a in memory.map.anchors))
+
+    monkeypatch.setattr("seo_slam.navigation.memory.Memory.learn", learn)
+    outcome = Home(now=None).search()
+    reached = [attempt for attempt in outcome.attempts if attempt.reached]
+    times = [attempt.anchor_label.count("'") for attempt in reached]
+    assert len(times) > 1
+    assert times == sorted(set(times))
+    names = ", ".join(f"{a.anchor_label} {a.candidate.anchor_id}" for a in reached)
+    assert f"places ({names})" in outcome.reason
+
+
 def test_attempts_are_used_up():
     home = Home(now=None, attempts=2, next_candidate="highest")
     outcome = home.search()

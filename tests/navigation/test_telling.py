@@ -53,16 +53,21 @@ def test_what_was_asked_for_and_what_is_taken_for_it():
     assert taken_for(parsed("the book"), met("mug", TABLE)) == "the mug is taken for the book that was asked for"
 
 
-def attempt(anchor_id, reached, because="mug"):
-    return Attempt(Candidate(anchor_id, 0.9, because, True), reached, None, np.nan, "", "")
+def attempt(anchor_id, reached, because="mug", label=None):
+    return Attempt(Candidate(anchor_id, 0.9, because, True), reached, None, np.nan, "", "", anchor_label=label)
 
 
 def test_only_places_that_were_come_to_are_counted_and_named():
-    attempts = [attempt(DESK, True), attempt(SHELF, False), attempt(-1, True, "cup")]
-    told = looked_in_vain(parsed("mug"), attempts, (MAP,), None, "attempts are used up")
+    attempts = [attempt(DESK, True, label="desk"), attempt(SHELF, False, label="shelf"), attempt(-1, True, "cup")]
+    told = looked_in_vain(parsed("mug"), attempts, None, "attempts are used up")
     assert told == "no mug was found at 2 places (desk 3, cup on no furniture), and attempts are used up; nothing was seen"
-    one = looked_in_vain(parsed("mug"), attempts[:2], (MAP,), met("cup", TABLE), "there is no other candidate")
+    one = looked_in_vain(parsed("mug"), attempts[:2], met("cup", TABLE), "there is no other candidate")
     assert one == "no mug was found at 1 place (desk 3), and there is no other candidate; the best seen is a cup (0.80)"
+
+
+def test_a_place_is_told_by_the_word_that_its_anchor_had_then():
+    told = looked_in_vain(parsed("mug"), [attempt(DESK, True, label="armchair"), attempt(7, True, label="")], None, "that is all")
+    assert told == "no mug was found at 2 places (armchair 3, thing without a name 7), and that is all; nothing was seen"
 
 
 @pytest.mark.parametrize(

@@ -99,7 +99,7 @@ def navigate(
         options=DriveOptions(planner=chosen.planner, abstraction=chosen.abstraction, layout=chosen.layout),
         drive=seed,
     )
-    typer.echo(_told(mapped, result))
+    typer.echo(_told(result))
     if out is not None:
         typer.echo(f"picture     {write_picture(mapped, result, out)}")
     if not (result.drive.is_success if trial.target_ids else result.outcome.found):
@@ -136,17 +136,16 @@ def _made_map(home: "SimulatedHome", folder: Path, senses: Senses, chosen: "Conf
     return map_home(home, mapper_named(senses.value), registry.create("embedder", "auto"), settings, folder, progress)
 
 
-def _told(mapped: "Map", result: "TrialResult") -> str:
+def _told(result: "TrialResult") -> str:
     """What was tried and how it ended, in lines."""
     drive, outcome = result.drive, result.outcome
-    labels = {} if mapped.abstract is None else {anchor.id: anchor.label for anchor in mapped.abstract.anchors}
     lines, places = [], 0
     for attempt in outcome.attempts:
         places += attempt.reached
         place = f"place {places}" if attempt.reached else "not come to"
         wanted = attempt.candidate
         why = f", for the {wanted.because}" if wanted.volatile else ""
-        where = _printable(f"{labels.get(wanted.anchor_id, 'new furniture')} {wanted.anchor_id}{why} ({wanted.score:.2f})")
+        where = _printable(f"{attempt.anchor_name or 'on no furniture'}{why} ({wanted.score:.2f})")
         lines.append(f"{place:<11} {where}: {_printable(attempt.reason)}")
     lines.append(f"{outcome.ending.replace('_', ' '):<11} {_printable(outcome.reason)}")
     if result.target_world is None:

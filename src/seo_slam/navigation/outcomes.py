@@ -47,6 +47,11 @@ class Command:
     turn_rad_s: float = 0.0
 
 
+def anchor_name(label: str, id: int) -> str:
+    """Name an anchor for people."""
+    return f"{label or 'thing without a name'} {id}"
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Attempt:
     """One candidate that was gone to.
@@ -59,6 +64,8 @@ class Attempt:
         found_label: its word; "" if nothing was seen.
         reason: in words, for people and logs.
         path_world: (N, 2) planned to it.
+        anchor_label: the anchor's own word then, "" if it had none; None: it was no anchor. An update of the map gives new anchors their ids
+            anew, so the same id may be other furniture later.
     """
 
     candidate: Candidate
@@ -68,6 +75,12 @@ class Attempt:
     found_label: str
     reason: str
     path_world: FloatArray = field(default_factory=lambda: np.zeros((0, 2)))
+    anchor_label: str | None = None
+
+    @property
+    def anchor_name(self) -> str | None:
+        """The anchor's word and id, for people; None: it was no anchor."""
+        return None if self.anchor_label is None else anchor_name(self.anchor_label, self.candidate.anchor_id)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -295,15 +295,16 @@ class Search:
         match = match if found is None else found
         score, label = (float("nan"), "") if match is None else (match.score, match.label)
         path = np.zeros((0, 2)) if path_world is None else path_world
-        self.attempts.append(Attempt(candidate, reached, None if found is None else found.landmark.id, score, label, reason, path))
+        word = next((anchor.label for anchor in self._memory.map.anchors if anchor.id == candidate.anchor_id), None)
+        found_id = None if found is None else found.landmark.id
+        self.attempts.append(Attempt(candidate, reached, found_id, score, label, reason, path, word))
         self._log(reason)
 
     def _in_vain(self) -> tuple[Ending, str]:
         if not self._places_gone_to and self.attempts:
             return "no_path", self.attempts[0].reason
         used = "attempts are used up" if self._places_gone_to >= self._most_places else "there is no other candidate"
-        maps = (self._memory.map, self._memory.original)
-        reason = looked_in_vain(self._query, self.attempts, maps, self._judge.best(), used)
+        reason = looked_in_vain(self._query, self.attempts, self._judge.best(), used)
         elsewhere = in_another_room(self._query, self._feature, self._judge.required, self._memory.map)
         return "not_found", f"{reason}; {elsewhere}" if elsewhere else reason
 

@@ -6,7 +6,7 @@ from seo_slam.abstraction.abstract_map import AbstractMap
 from seo_slam.abstraction.room_finding import room_of
 from seo_slam.geometry import FloatArray
 from seo_slam.navigation.local_match import Match, center_of
-from seo_slam.navigation.outcomes import Attempt, Candidate
+from seo_slam.navigation.outcomes import Attempt, anchor_name
 from seo_slam.navigation.query import Query, candidates
 
 
@@ -28,17 +28,16 @@ def stopped_before(query: Query, match: Match, abstract_map: AbstractMap) -> str
     return told
 
 
-def looked_in_vain(query: Query, attempts: Sequence[Attempt], maps: Sequence[AbstractMap], best: Match | None, why: str) -> str:
+def looked_in_vain(query: Query, attempts: Sequence[Attempt], best: Match | None, why: str) -> str:
     """Say that nothing was found, at which places, and what came nearest.
 
     Args:
         query: what was asked for.
         attempts: all; those that were come to are the places.
-        maps: in which the anchors are, the first that has one tells its word.
         best: of all that was seen.
         why: the search ended.
     """
-    names = [_name(attempt.candidate, maps) for attempt in attempts if attempt.reached]
+    names = [_place_name(attempt) for attempt in attempts if attempt.reached]
     where = f" ({', '.join(names)})" if names else ""
     seen = "nothing was seen" if best is None else f"the best seen is a {best.label} ({best.score:.2f})"
     return f"no {query.words} was found at {len(names)} place{'' if len(names) == 1 else 's'}{where}, and {why}; {seen}"
@@ -61,18 +60,14 @@ def in_another_room(query: Query, feature: FloatArray, required: float, abstract
         anchor = next(anchor for anchor in abstract_map.anchors if anchor.id == candidate.anchor_id)
         room = _room_name(abstract_map, anchor.footprint_world)
         if room and room.casefold() != query.room.casefold():
-            at = f" at the {_name(candidate, (abstract_map,))}" if candidate.volatile else ""
+            at = f" at the {anchor_name(anchor.label, anchor.id)}" if candidate.volatile else ""
             return f"the map has a {candidate.because or 'thing like it'}{at} in the {room}, though"
     return ""
 
 
-def _name(candidate: Candidate, maps: Sequence[AbstractMap]) -> str:
-    """The anchor of a candidate; what is on none goes by its own word."""
-    for abstract_map in maps:
-        for anchor in abstract_map.anchors:
-            if anchor.id == candidate.anchor_id:
-                return f"{anchor.label or 'thing without a name'} {anchor.id}"
-    return f"{candidate.because or 'thing without a name'} on no furniture"
+def _place_name(attempt: Attempt) -> str:
+    """The anchor that was come to; what is on none goes by its own word."""
+    return attempt.anchor_name or f"{attempt.candidate.because or 'thing without a name'} on no furniture"
 
 
 def _room_name(abstract_map: AbstractMap, xy_world: FloatArray) -> str:
