@@ -14,7 +14,7 @@ from seo_slam.errors import ConfigError, DatasetError
 from seo_slam.interfaces import Agent
 from seo_slam.map import Map
 from seo_slam.records import Confirm
-from seo_slam.run_files import RESULT_FILES, prepare_folder
+from seo_slam.run_files import RESULT_FILES, prepare_folder, require_free
 from seo_slam.run_recording import run_recording
 from tiny_run import frames, pipeline
 
@@ -201,6 +201,28 @@ def test_a_folder_with_other_things_is_taken(tmp_path):
     assert prepare_folder(str(tmp_path), overwrite=False) == tmp_path
     assert names(tmp_path) == ["groundtruth.txt"]
     assert prepare_folder(tmp_path / "a" / "b", overwrite=False).is_dir()
+
+
+def test_a_class_list_is_no_result_and_stays(tmp_path):
+    (tmp_path / "classes.txt").write_text("cup  # mine")
+    assert prepare_folder(tmp_path, overwrite=False) == tmp_path
+    (tmp_path / "map.json").write_text("old")
+    assert prepare_folder(tmp_path, overwrite=True) == tmp_path
+    assert names(tmp_path) == ["classes.txt"]
+    assert (tmp_path / "classes.txt").read_text() == "cup  # mine"
+
+
+def test_a_folder_is_looked_at_without_writing(tmp_path):
+    require_free(tmp_path / "a" / "b", overwrite=False)
+    assert names(tmp_path) == []
+    (tmp_path / "map.json").write_text("old")
+    require_free(tmp_path, overwrite=True)
+    assert names(tmp_path) == ["map.json"]
+    with pytest.raises(ConfigError, match="already holds a result"):
+        require_free(tmp_path, overwrite=False)
+    for wrong, words in ((tmp_path / "map.json", "is a file"), (tmp_path / "map.json" / "out", "cannot be written")):
+        with pytest.raises(ConfigError, match=words):
+            require_free(wrong, overwrite=True)
 
 
 def test_folders_that_cannot_be(tmp_path):

@@ -15,11 +15,11 @@ from seo_slam.errors import ConfigError
 from seo_slam.run_result import RunResult
 
 RUN_SCHEMA = "seo_slam.run/1"
+# classes.txt is none of them: it is the user's to edit and to give to the next run.
 RESULT_FILES = (
     "map.json",
     "clouds.ply",
     "features.npz",
-    "classes.txt",
     "map.db",
     "map.db-wal",
     "map.db-shm",
@@ -41,28 +41,50 @@ _PACKAGES = (
 )
 
 
+def require_free(folder: str | Path, overwrite: bool) -> None:
+    """Check that a folder can take a result, as far as that shows without writing anything.
+
+    Raises:
+        ConfigError: it holds a result and ``overwrite`` is not set, it is a file, or it is in no folder that may be written to.
+    """
+    out = Path(folder)
+    try:
+        if out.exists() and not out.is_dir():
+            raise ConfigError(f"{out}: is a file, wanted a folder for the result")
+        present = _present(out)
+        if present and not overwrite:
+            raise ConfigError(f"{out}: already holds a result ({', '.join(present)}); give --overwrite to replace it, or another --out")
+        there = next(one for one in (out.absolute(), *out.absolute().parents) if one.exists())
+        if not there.is_dir():
+            raise ConfigError(f"{out}: cannot be written: {there} is a file")
+        if not os.access(there, os.W_OK | os.X_OK):
+            raise ConfigError(f"{out}: cannot be written: {there} may not be written to")
+    except OSError as error:
+        raise ConfigError(f"{out}: cannot be written: {error.strerror or error}") from error
+
+
 def prepare_folder(folder: str | Path, overwrite: bool) -> Path:
     """Make the folder of a result, before anything is computed.
 
     Raises:
         ConfigError: it holds a result and ``overwrite`` is not set, it is a file, or it cannot be written.
     """
+    require_free(folder, overwrite)
     out = Path(folder)
     try:
-        if out.exists() and not out.is_dir():
-            raise ConfigError(f"{out}: is a file, wanted a folder for the result")
-        present = [name for name in RESULT_FILES if (out / name).exists()]
-        if present and not overwrite:
-            raise ConfigError(f"{out}: already holds a result ({', '.join(present)}); give --overwrite to replace it, or another --out")
         out.mkdir(parents=True, exist_ok=True)
         probe = out / ".write_test"
         probe.write_bytes(b"")
         probe.unlink()
-        for name in present:
+        for name in _present(out):
             (out / name).unlink()
     except OSError as error:
         raise ConfigError(f"{out}: cannot be written: {error.strerror or error}") from error
     return out
+
+
+def _present(folder: Path) -> list[str]:
+    return [name for name in RESULT_FILES if (folder / name).exists()]
 
 
 def write_result(folder: Path, result: RunResult, run: Mapping[str, Any]) -> None:
