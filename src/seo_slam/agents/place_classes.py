@@ -25,7 +25,9 @@ _FEWEST = 3
 _LONGEST_WORD = 40
 _LONGEST_PLACE = 500
 _TOKENS_A_CLASS, _TOKENS = 8, 100
-_HEADER = "# classes of: "
+_SOURCE = "classes of: "
+_HEADER = f"# {_SOURCE}"
+"""First line of a file, and the source of the list: all files with the words of a place begin alike."""
 
 
 class PlaceClasses(Reply):
@@ -68,7 +70,7 @@ def classes_of_place(place: str, chat: ChatModel | None, cache: str | Path | Non
     finally:
         thread.stop()
     if file is not None:
-        classes.write(file, header=f"{_HEADER}{place}")
+        classes.write(file, header=f"# {classes.source}")
     return classes
 
 
@@ -87,7 +89,7 @@ async def ask_for_classes(place: str, chat: ChatModel, most: int = MOST_CLASSES)
     reply = await demand(chat, request, PlaceClasses, _complaint)
     words = usable_words(reply.classes)
     logger.info("%s named %d classes of %s, of which %d are used", chat.name, len(reply.classes), place, min(len(words), most))
-    return ClassList(words[:most], f"classes of {place}")
+    return ClassList(words[:most], f"{_SOURCE}{place}")
 
 
 def usable_words(said: Iterable[str]) -> tuple[str, ...]:
