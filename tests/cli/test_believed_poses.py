@@ -56,5 +56,6 @@ def test_where_the_poses_come_from(desk):
     assert "odometry.txt" in warned("recorded", trajectory=desk / "odometry.txt")[0]
     assert warned("recorded", options={"trajectory": str(desk / "groundtruth.txt")}) == ()
     assert warned("recorded", trajectory=desk / "groundtruth.txt") == ()
+    assert warned("recorded", trajectory=desk / "drifting.txt") == (), "it goes by the name alone"
     assert warned("theirs:Odometry") == ()
     assert warned("recorded", preset="dualmap_estimated_poses") == warned("visual", preset="seo_slam") == ()

@@ -13,6 +13,9 @@ if TYPE_CHECKING:
 def believed_poses(config: Config, recording: "Recording", trajectory: Path | None = None) -> tuple[str, ...]:
     """Return a warning if the smoother believes its poses and they are estimates: of a robot's odometry.txt, or of visual odometry.
 
+    Which poses are a robot's odometry is told by the name of their file alone: poses that drift in a file of another name are not warned
+    of, and true ones in an ``odometry.txt`` are.
+
     Args:
         config: the settings in force, odometry chosen.
         recording: what is mapped.
