@@ -5,12 +5,12 @@ import json
 import pytest
 from typer.testing import CliRunner
 
-from seo_slam import ClassList, SimulatedDesk
+from seo_slam import ClassList, SimulatedDesk, classes_of_place
 from seo_slam.backends.recorded_detector import RecordedDetector
 from seo_slam.cli import app as application
 from seo_slam.cli.classes import with_classes
-from seo_slam.config import Config
-from seo_slam.errors import AgentError, ConfigError
+from seo_slam.config import LOCAL_AGENTS, Config
+from seo_slam.errors import AgentError, ConfigError, SeoSlamError
 from seo_slam.map import Map
 from seo_slam.perception.hybrid import HybridDetector
 from seo_slam.testing import ChatServer
@@ -99,6 +99,75 @@ def test_a_model_is_asked_once_about_the_place_and_is_no_agent(run, tmp_path):
     assert kept(tmp_path / "out") == ("desk", "cup", "book")
     assert words == {"cup", "book"}
     assert not any(agent["options"].get("chat") for agent in ran["config"]["agents"])
+
+
+def test_the_kept_words_of_a_place_are_a_list_of_that_place(run, tmp_path):
+    with ChatServer(lambda _: json.dumps({"classes": ["desk", "cup", "book"]})) as server:
+        run("--classes", "place:an office", "--chat-model", "m", "--chat-url", server.base_url, "--max-frames", 2)
+    file = tmp_path / "out" / "classes.txt"
+    assert file.read_text().startswith("# classes of: an office\n")
+    assert classes_of_place("an office", None, cache=file).words == ("desk", "cup", "book")
+    with pytest.raises(ConfigError, match="holds the classes of 'an office'"):
+        classes_of_place("a kitchen", None, cache=file)
+
+
+def test_a_front_end_that_takes_the_words_itself_gets_those_of_the_place(run, desk, monkeypatch):
+    used, detect = [], HybridDetector.detect
+    monkeypatch.setattr(HybridDetector, "detect", lambda self, frame: used.append(self.classes) or detect(self, frame))
+    options = {"detector": {"name": "recorded", "options": {"path": str(desk / "detections.jsonl")}}}
+    hybrid = ("--set", f"detector={json.dumps({'name': 'hybrid', 'options': options})}")
+    with ChatServer(lambda _: json.dumps({"classes": ["desk", "cup", "lamp"]})) as server:
+        place = ("--classes", "place:an office", "--chat-model", "m", "--chat-url", server.base_url)
+        ran, words = run(*place, "--max-frames", 2, detector=hybrid)
+    assert ran["config"]["detector"]["options"]["classes"] == ["desk", "cup", "lamp"]
+    assert {classes.words for classes in used} == {("desk", "cup", "lamp")}
+    assert words == {"cup", "lamp"}
+
+
+def test_no_model_is_asked_while_anything_else_is_wrong(run, tmp_path):
+    run("--max-frames", 2, out="full")
+    (tmp_path / "full.jsonl").unlink()
+    (tmp_path / "listed").mkdir()
+    (tmp_path / "listed" / "classes.txt").write_text("cup")
+    (tmp_path / "file").write_text("")
+    with ChatServer(lambda _: json.dumps({"classes": ["desk", "cup", "book"]})) as server:
+        place = ("--classes", "place:an office", "--chat-model", "m", "--chat-url", server.base_url)
+        for words, out, told in (
+            ((), "full", "already holds a result"),
+            ((), "file", "is a file"),
+            ((), "listed", "--overwrite to replace it"),
+            (("--continue", tmp_path / "nowhere"), "out", "nowhere"),
+            (("--set", "associator.name=nothing"), "out", "nothing"),
+        ):
+            with pytest.raises(SeoSlamError, match=told):
+                run(*place, *words, out=out)
+        with pytest.raises(ConfigError, match="got no place"):
+            run("--classes", "place: ", *place[2:])
+        assert server.requests == ()
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_list_edited_in_the_result_stays_as_it_is_and_another_replaces_it_only_if_told_to(run, tmp_path):
+    (tmp_path / "out").mkdir()
+    mine = tmp_path / "out" / "classes.txt"
+    mine.write_text("cup  # to drink from\n")
+    run("--classes", mine, "--max-frames", 2)
+    run("--classes", mine, "--max-frames", 2, "--overwrite")
+    run("--max-frames", 2, "--overwrite")
+    assert mine.read_text() == "cup  # to drink from\n"
+    (tmp_path / "other.txt").write_text("book\n")
+    run("--classes", tmp_path / "other.txt", "--max-frames", 2, "--overwrite")
+    assert kept(tmp_path / "out") == ("book",)
+
+
+def test_chat_agents_of_a_preset_get_the_named_model_too(run):
+    with ChatServer(lambda _: json.dumps({"classes": ["desk", "cup", "book"]})) as server:
+        asked = ("--classes", "place:an office", "--chat-model", "m", "--chat-url", server.base_url, "--max-frames", 2)
+        ran, _ = run("--preset", "seo_slam_chat", *asked)
+        options = [agent["options"]["chat"]["options"] for agent in ran["config"]["agents"][:3]]
+        assert options == [{"model": "m", "base_url": server.base_url}] * 3
+        local, _ = run("--preset", "seo_slam_chat", "--agents", "local", *asked, out="local")
+    assert [agent["name"] for agent in local["config"]["agents"]] == [agent.name for agent in LOCAL_AGENTS]
 
 
 def test_what_cannot_be_is_said_before_anything_is_written(run, tmp_path):

@@ -5,6 +5,7 @@ from typing import Any
 from seo_slam.config import LOCAL_AGENTS, WITNESS, Config, chat_agents
 from seo_slam.errors import ConfigError
 
+_ASKING = frozenset(agent["name"] for agent in chat_agents({}))
 KINDS = ("local", "chat", "none")
 
 
@@ -37,6 +38,11 @@ def with_agents(config: Config, kind: str | None, model: str | None, url: str | 
     chosen = {"local": local, "chat": [*chat_agents(options), WITNESS], "none": []}[kind]
     mode = {"runner": {"mode": "background"}} if kind == "chat" and config.runner.mode == "inline" else {}
     return config.updated({"agents": chosen, **mode}, f"--agents {kind}")
+
+
+def asks_chat(config: Config, kind: str | None) -> bool:
+    """Whether ``--chat-model`` is for agents: ``--agents`` says so, or says nothing and the settings have agents that ask one."""
+    return kind == "chat" or (kind is None and any(agent.name in _ASKING for agent in config.agents))
 
 
 def chat_options(model: str | None, url: str | None, key_env: str | None) -> dict[str, Any]:

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from seo_slam.cli.agents import with_agents
+from seo_slam.cli.agents import asks_chat, with_agents
 from seo_slam.cli.believed_poses import believed_poses
-from seo_slam.cli.classes import CLASSES_FILE, asks_a_model, class_list, with_classes
+from seo_slam.cli.classes import asks_a_model, class_list, keep, place_question, require_kept, with_classes
 from seo_slam.cli.progress import with_progress
 from seo_slam.config import Component, Config, read_settings
 from seo_slam.errors import ConfigError
@@ -60,12 +60,13 @@ def run(
     from seo_slam.datasets.open import open_dataset
     from seo_slam.map import Map
     from seo_slam.pipeline import Pipeline
-    from seo_slam.run_files import prepare_folder
+    from seo_slam.run_files import prepare_folder, require_free
     from seo_slam.run_recording import run_recording
 
     chat = (chat_model, chat_url, key_env)
-    own = asks_a_model(classes) and agents != "chat"  # the model is asked for words only, not by agents
-    chosen = with_agents(_settings(preset, config, settings or []), agents, *((None, None, None) if own else chat))
+    chosen = _settings(preset, config, settings or [])
+    only_words = asks_a_model(classes) and not asks_chat(chosen, agents)  # the model is asked for words, not by agents
+    chosen = with_agents(chosen, agents, *((None, None, None) if only_words else chat))
     options: dict[str, Any] = {"camera_file": camera, "trajectory_file": trajectory, "skip_broken": skip_broken, "fps": fps}
     recording = open_dataset(dataset, path, stride=stride, max_frames=max_frames, **options)
     _warn(recording.warnings)
@@ -73,7 +74,8 @@ def run(
     chosen = _with_odometry(chosen, odometry, initial_pose, recording, replay=trajectory is not None)
     believed = believed_poses(chosen, recording, trajectory)
     _warn(believed)
-    words = None if classes is None else class_list(classes, chosen, *chat)
+    ask = place_question(classes, *chat) if classes is not None and asks_a_model(classes) else None
+    words = class_list(classes, chosen) if classes is not None and ask is None else None
     chosen = chosen if words is None else with_classes(chosen, words)
     # All that can be wrong with the caller's input has to show before the first byte is written.
     parts = _rehearsed(chosen, recording, replay=trajectory is not None)
@@ -84,9 +86,17 @@ def run(
         _require_recordable(record_detections, _replayed(chosen), out, overwrite)
     if old is not None and old.gravity == "unknown" and chosen.odometry.name == "recorded":
         typer.echo("warning: the map to continue has a world of its own (gravity unknown); recorded poses are of another", err=True)
+    require_free(out, overwrite)
+    if classes is not None:
+        require_kept(classes, out, overwrite)
+    if ask is not None:  # and this before the question is paid for
+        words = ask()
+        rehearsed, chosen = chosen, with_classes(chosen, words)
+        if chosen.detector != rehearsed.detector:  # one that takes the words itself
+            del parts["detector"]
     folder = prepare_folder(out, overwrite)
-    if words is not None:
-        words.write(folder / CLASSES_FILE, header=f"# {words.source}")
+    if classes is not None and words is not None:
+        keep(words, classes, folder)
     pipeline = Pipeline(chosen, store=_store(chosen, folder), map=old, **parts)
     finished = run_recording(
         with_progress(recording, len(recording), "mapping"),
