@@ -88,7 +88,11 @@ class MapSettings(Settings):
 class LifeSettings(Settings):
     """Existence: what hits and misses say of a landmark."""
 
-    enabled: bool = Field(True, description="off: a landmark counts once seen often enough, and nothing is ever removed but by agents")
+    enabled: bool = Field(
+        True,
+        description="off: a landmark counts once seen often enough, and nothing is ever removed but by agents; with ``status.enabled`` "
+        "(dualmap) only the check of existence is off",
+    )
     vanishing: float = Field(0.002, gt=0, lt=1, description="prior chance that a thing was taken away since it was last seen")
     stable_existence: float = Field(0.5, gt=0, lt=1, description="existence from which a landmark is stable")
     stable_share: float = Field(0.1, ge=0, le=1, description="and in what share of the views in which it should be seen it must have been")

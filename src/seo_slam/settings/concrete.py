@@ -27,7 +27,9 @@ class StatusSettings(Settings):
 
     enabled: bool = Field(False, description="DualMap's checks decide about a landmark's life")
     existence: bool = Field(
-        True, description="and so do the views in which it should have been seen and was not, as ``life`` says; off: the paper"
+        True,
+        description="and so do the views in which it should have been seen and was not, as ``life`` says, unless ``life.enabled`` is off; "
+        "off: the paper",
     )
     observations: int = Field(8, ge=1, description="observations that a stable landmark needs")
     majority: float = Field(2 / 3, ge=0, le=1, description="share of them that its most frequent word needs (the paper: two thirds)")
@@ -41,11 +43,16 @@ class StatusSettings(Settings):
     flat_m: float = Field(
         0.04,
         ge=0,
-        description="nor is one without a word that is no thicker, or no thicker than noise makes a surface; 0: thickness does not count",
+        description="nor is one without a word that is no thicker, or, where ``clouds.noise_at_1m_m`` is above 0, no thicker than that "
+        "noise makes a surface; 0: neither counts",
     )
     silent_keyframes: int = Field(10, ge=1, description="a landmark not seen for so many keyframes is checked")
     silent_seconds: float = Field(2.0, ge=0, description="and for so long")
-    split: bool = Field(True, description="part a landmark that is seen under two words at once")
+    split: bool = Field(
+        True,
+        description="part a landmark that is seen under two words at once; that comes only with ``overlap.assignment`` greedy, "
+        "without effect otherwise",
+    )
     split_keyframes: int = Field(6, ge=1, description="in more than so many of the newest ``window_keyframes`` it must have been")
     window_keyframes: int = Field(10, ge=1, description="so many keyframes with an observation of it are looked back at")
     fold: bool = Field(True, description="fold landmarks of one look and one place that were never seen apart; off: the paper")

@@ -30,7 +30,10 @@ class CloudSettings(Settings):
     enabled: bool = Field(False, description="keep a cloud of each landmark; off: only a few surface points")
     voxel_m: float = Field(0.02, gt=0, description="one point, the mean, a cube of this side")
     noise_at_1m_m: float = Field(
-        0.0, ge=0, description="no new point within this times squared depth of one that is there; 0: every voxel fills up with noise"
+        0.0,
+        ge=0,
+        description="three standard deviations of the depth noise at 1 m: no new point within this times squared depth of one that is "
+        "there; 0: every voxel fills up with noise",
     )
     cluster_m: float = Field(0.1, gt=0, description="points nearer than this are neighbours (DBSCAN's eps)")
     cluster_points: int = Field(10, ge=1, description="a point with at least so many neighbours is inside a cluster")
