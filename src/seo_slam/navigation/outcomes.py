@@ -64,8 +64,8 @@ class Attempt:
         found_label: its word; "" if nothing was seen.
         reason: in words, for people and logs.
         path_world: (N, 2) planned to it.
-        anchor_label: the anchor's own word then, "" if it had none; None: it was no anchor. An update of the map gives new anchors their ids
-            anew, so the same id may be other furniture later.
+        anchor_label: the anchor's own word then, "" if it had none; None: it was no anchor. Updates give new anchors their ids anew, so
+            the same id may be other furniture later.
     """
 
     candidate: Candidate
