@@ -1,7 +1,7 @@
 """Keyframes with what a front end saw in them, in a folder: many processes can map the very same frames, and hold no simulation."""
 
 import json
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from seo_slam.camera import Camera
+from seo_slam.errors import ConfigError
 from seo_slam.interfaces import Detector
 from seo_slam.records import Trajectory
 from seo_slam.types import Detections, Frame
@@ -31,7 +32,16 @@ class FrameTape:
     lap_ends: tuple[int, ...]
 
     @classmethod
-    def record(cls, folder: Path, frames: Any, detector: Detector, embedder: Any, wanted: Collection[int], laps: int = 1) -> "FrameTape":
+    def record(
+        cls,
+        folder: Path,
+        frames: Any,
+        detector: Detector,
+        embedder: Any,
+        wanted: Collection[int],
+        laps: int = 1,
+        made_with: Mapping[str, Any] | None = None,
+    ) -> "FrameTape":
         """Let a detector and an encoder of pictures look at the wanted frames of a recording, and keep what they say.
 
         Args:
@@ -41,6 +51,7 @@ class FrameTape:
             embedder: its ``embed_crops`` gives every box a vector.
             wanted: the frames that become keyframes.
             laps: how many equal laps the frames are.
+            made_with: what else makes the tape what it is, JSON; kept for ``require_made_with``.
         """
         folder.mkdir(parents=True)
         path = frames.trajectory
@@ -59,7 +70,7 @@ class FrameTape:
                 embeddings=embedder.embed_crops(frame, found.boxes_px),
             )
         lap_ends = [round(len(path) * lap / laps) - 1 for lap in range(1, laps + 1)]
-        about = {"camera": asdict(frames.camera), "lap_ends": lap_ends}
+        about = {"camera": asdict(frames.camera), "lap_ends": lap_ends, "made_with": dict(made_with or {})}
         (folder / "tape.json").write_text(json.dumps(about), encoding="utf-8")
         np.savez(folder / "path.npz", timestamps_s=path.timestamps_s, T_world_camera=path.T_world_camera)
         return cls(folder, path, frames.camera, tuple(lap_ends))
@@ -87,6 +98,23 @@ class FrameTape:
                 labels = tuple(json.loads(str(kept["labels"])))
                 found = Detections(kept["boxes_px"], labels, kept["scores"], masks, kept["embeddings"])
             yield frame, found
+
+
+def require_made_with(folder: Path, wanted: Mapping[str, Any]) -> None:
+    """Check that a tape is what would be recorded now.
+
+    Raises:
+        ConfigError: it was made with something else, or does not say with what.
+    """
+    try:
+        made = json.loads((folder / "tape.json").read_text(encoding="utf-8")).get("made_with")
+    except (OSError, json.JSONDecodeError) as error:
+        raise ConfigError(f"{folder}: is no tape: {error}") from error
+    if not made:
+        raise ConfigError(f"{folder}: does not say what it was made with; remove it, or take another folder")
+    other = [f"{key} {made.get(key)} (wanted {value})" for key, value in wanted.items() if made.get(key) != value]
+    if other:
+        raise ConfigError(f"{folder}: was made with {', '.join(other)}; remove it, or take another folder")
 
 
 def _file(folder: Path, index: int) -> Path:

@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 from crowded_hall import crowded_hall
-from frame_tape import FrameTape
+from frame_tape import FrameTape, require_made_with
 from run_options import LEVEL_FILE, frozen_level, size_from
 from segmentation_runs import WORLDS, SegmentationJob, recording_of
 from simulated_runs import commit, embedder_of, keyframes_of
@@ -95,7 +95,42 @@ def record(world: str, given: argparse.Namespace, config: Config, folder: Path, 
     encoder = SimulatedImageEncoder.of(seen, embedder_of(config.embedder.model_dump_json()))
     hybrid = HybridDetector(seen.detector if named else NoDetector(), segmenter, image_encoder=encoder)
     wanted = keyframes_of(seen.trajectory, config.keyframes)
-    FrameTape.record(folder, seen, hybrid, encoder, wanted, given.laps if world == HALL else 1)
+    FrameTape.record(folder, seen, hybrid, encoder, wanted, given.laps if world == HALL else 1, made_with(world, given, config))
+
+
+def made_with(world: str, given: argparse.Namespace, config: Config) -> dict[str, Any]:
+    """Return all that makes a tape what it is, as JSON has it: one made otherwise must not be played in its place."""
+    own = (
+        {"size_px": list(size_from(given.hall_size)), "tables": given.tables, "laps": given.laps, "lap_frames": given.lap_frames}
+        if world == HALL
+        else {"size_px": list(size_from(given.size)), "frames": given.frames, "shapes": "meshes" if given.meshes else "primitives"}
+    )
+    level = frozen_level() if given.level is None else given.level
+    seen_by = {"keyframes": config.keyframes.model_dump(mode="json"), "embedder": config.embedder.model_dump(mode="json")}
+    return {"world": world, "seed": given.seed, "level": level, **own, **seen_by}
+
+
+def tape_of(tapes: Path, world: str, variant: str) -> Path:
+    """The folder of a world's tape: variants without a detector of named things have one of their own."""
+    return tapes / f"{world}{f' {SEGMENTS_ONLY}' if SEGMENTS_ONLY in variant else ''}"
+
+
+def is_recorded(tape: Path) -> bool:
+    """Whether a tape is there, and whole."""
+    return (tape / "path.npz").is_file()
+
+
+def require_fitting(worlds: Sequence[str], variants: Mapping[str, Config], given: argparse.Namespace, tapes: Path) -> None:
+    """Check the tapes that are there.
+
+    Raises:
+        ConfigError: one of them is of something else than what was asked for.
+    """
+    for world in worlds:
+        for name, config in variants.items():
+            tape = tape_of(tapes, world, name)
+            if is_recorded(tape):
+                require_made_with(tape, made_with(world, given, config))
 
 
 def replayed(tape: Path, config: Config) -> dict[str, Any]:
@@ -200,10 +235,9 @@ def measure(worlds: Sequence[str], variants: Mapping[str, Config], given: argpar
     for world in worlds:
         runs[world] = {}
         for name, config in variants.items():
-            named = SEGMENTS_ONLY not in name
-            tape = tapes / f"{world}{'' if named else ' ' + SEGMENTS_ONLY}"
-            if not (tape / "path.npz").is_file():
-                record(world, given, config, tape, named)
+            tape = tape_of(tapes, world, name)
+            if not is_recorded(tape):
+                record(world, given, config, tape, named=SEGMENTS_ONLY not in name)
                 _tell(started, f"{tape.name} is on tape")
             runs[world][name] = replayed(tape, config)
             _tell(started, f"{world}, {name} done")
@@ -271,6 +305,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         worlds, variants = chosen(given)
         for text in (given.size, given.hall_size):
             size_from(text)
+        if given.tapes:
+            require_fitting(worlds, variants, given, given.tapes)
     except (SeoSlamError, OSError) as error:
         parser.error(str(error))
     with tempfile.TemporaryDirectory() as folder:

@@ -83,6 +83,40 @@ def test_a_tape_plays_what_was_seen(printed, tapes):
     assert set(walk.detector.detect(frame).labels) & set(found.labels)
 
 
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["--seed", "1"], "seed 0 (wanted 1)"),
+        (["--level", "0.5"], "level 0.3 (wanted 0.5)"),
+        (["--hall-size", "160x120"], "size_px [128, 96] (wanted [160, 120])"),
+        (["--laps", "3"], "laps 2 (wanted 3)"),
+        (["--set", "keyframes.distance_m=0.7"], "keyframes {"),
+    ],
+)
+def test_a_tape_of_something_else_is_refused(printed, tapes, words, told, capsys):
+    with pytest.raises(SystemExit):
+        mapping_cost.main([*TINY, *words, "--variants", "full", "--tapes", str(tapes / "kept")])
+    said = capsys.readouterr().err
+    assert f"hall: was made with {told}" in said
+    assert "take another folder" in said
+
+
+def test_a_tape_that_does_not_say_what_it_is_is_refused(printed, tapes, tmp_path, capsys):
+    (tmp_path / "hall").mkdir()
+    (tmp_path / "hall" / "path.npz").write_bytes((tapes / "kept" / "hall" / "path.npz").read_bytes())
+    for text, told in (("{}", "does not say what it was made with"), ("{", "is no tape")):
+        (tmp_path / "hall" / "tape.json").write_text(text)
+        with pytest.raises(SystemExit):
+            mapping_cost.main([*TINY, "--variants", "full", "--tapes", str(tmp_path)])
+        assert told in capsys.readouterr().err
+
+
+def test_a_tape_of_the_same_is_taken(printed, tapes):
+    worlds, variants = mapping_cost.chosen(given := mapping_cost.options().parse_args([*TINY, "--variants", "full; no split"]))
+    assert mapping_cost.is_recorded(mapping_cost.tape_of(tapes / "kept", "hall", "full"))
+    mapping_cost.require_fitting(worlds, variants, given, tapes / "kept")
+
+
 def test_things_of_the_hall_stand_apart_on_its_tables():
     world = hall(seed=1, tables=3)
     tables = [thing for thing in world.things if thing.kind == "anchor"]
