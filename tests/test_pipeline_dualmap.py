@@ -47,6 +47,12 @@ def test_seeing_the_same_again_costs_no_memory():
     assert points[20] == points[-1] > 0
 
 
+@pytest.mark.parametrize(("settings", "stays"), [((), False), (("status.existence=false",), True), (("life.enabled=false",), True)])
+def test_what_is_in_sight_and_not_found_any_more_is_lost_unless_misses_do_not_count(settings, stays):
+    made = mapped(pipeline(lambda i: both(i) if i < 20 else both(i)[:1], *settings), 90)
+    assert sorted(by_label(made)) == (["cup", "table"] if stays else ["table"])
+
+
 def test_lost_frames_leave_the_clouds_as_they_are():
     steady = by_label(mapped(pipeline(both), 30))
     lost = by_label(mapped(pipeline(both, odometry=Standing(lost=range(20, 30), drift_m=0.05)), 30))
