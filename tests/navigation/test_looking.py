@@ -135,6 +135,9 @@ def test_one_stops_as_near_as_can_be_on_the_near_side_of_a_wall():
     assert np.linalg.norm(places[0] - on_table) < np.linalg.norm(nearest - on_table) + 0.15
     by_wall = np.array([3.85, 1.0])
     assert places_near(by_wall, 1.5, np.array([2.0, 1.0]), GRID, HIDING)[0][0] < 4.0
+    on_desk = np.array([7.75, 3.7])
+    away = np.linalg.norm(places_near(on_desk, 1.5, np.array([0.8, 2.5]), GRID, HIDING) - on_desk, axis=1)
+    assert away[0] < away.min() + 0.02, "as near as it gets, however long the way"
     assert places_near(np.array([-5.0, 0.0]), 1.5, np.array([2.0, 1.0]), GRID, HIDING).shape == (0, 2)
 
 

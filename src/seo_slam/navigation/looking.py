@@ -21,6 +21,7 @@ _APART_M = 0.4  # two places to look from
 _OTHER_SIDE_RAD = 0.7  # seen from the anchor, another view is at least so far round
 _PLACES = 6
 _TOO_NEAR, _TOO_FAR, _WAY = 2.0, 0.7, 0.1  # costs by the metre
+_EQUALLY_NEAR = 0.01  # of two places as near to a thing, the one on the way
 _HIDDEN, _OTHER_ROOM = 5.0, 3.0  # and of a view that is blocked, and of another room
 _WALL_CELLS = 1.5  # less than this of a wall is the ragged edge of one
 _STOP_STEP_M, _STOP_APART_M = 0.05, 0.15
@@ -127,7 +128,7 @@ def places_near(
     xy, away = xy[away <= within_m], away[away <= within_m]
     walls_m = _walls_m(xy, target_xy, layout, box)  # the bookcase that a thing is in hides it from everywhere: only more than that counts
     hidden = walls_m > walls_m.min(initial=np.inf) + _WALL_CELLS * layout.cell_m
-    cost = away + 0.5 * _WAY * np.linalg.norm(xy - from_xy, axis=1) + _HIDDEN * hidden
+    cost = away + _EQUALLY_NEAR * np.linalg.norm(xy - from_xy, axis=1) + _HIDDEN * hidden
     here = int(rooms_of(from_xy[None], layout)[0])
     if here:
         rooms = rooms_of(xy, layout)
