@@ -213,6 +213,8 @@ class Navigator:
 
     def _finish(self, ending: Ending, reason: str) -> Command:
         unlike = _unlike(self.abstract_map, self._mapper)  # only now: before its first frame a mapper may not know how it makes features
+        if unlike:
+            self._note(unlike)
         notes = (self._unknown, unlike)
         self._answer(ending, reason + ("" if ending == "found" else "".join(f"; {note}" for note in notes if note)))
         self._end_search()
