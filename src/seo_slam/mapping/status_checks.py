@@ -27,7 +27,7 @@ LEAST_GAP_M = 1e-6
 
 
 class StatusChecks:
-    """Decides about a landmark from the distribution of the words in its observation list alone."""
+    """Decides about a landmark from the distribution of the words in its observation list, and from where it was missed (existence)."""
 
     def __init__(
         self,
