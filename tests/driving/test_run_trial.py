@@ -18,6 +18,7 @@ from seo_slam.driving.trials import START_AWAY_M, bearing
 from seo_slam.driving.true_mapper import TrueMapper
 from seo_slam.errors import ConfigError, MapError
 from seo_slam.map import Map
+from seo_slam.settings.navigation import NavigationSettings
 from seo_slam.simulation.resting import anchors_of
 
 
@@ -161,3 +162,28 @@ def test_pictures_and_mappers_have_names(tmp_path):
     with pytest.raises(ConfigError, match="'lidar'"):
         mapper_named("lidar")
     assert replace(result.drive, ending="found").failure in ("false match", "not mapped")
+
+
+def test_a_robot_that_starts_where_the_map_knows_no_floor_looks_around_for_some():
+    """The tour did not look there: what the robot sees of the floor as it turns leads it to the floor of the map."""
+    trial, _ = easy_trial()
+    abstract = mapped().abstract
+    layout = abstract.layout
+    away_m = np.linalg.norm(layout.middles(np.argwhere(np.ones_like(layout.floor))) - trial.start_xy, axis=1).reshape(layout.floor.shape)
+    holed = replace(abstract, layout=replace(layout, floor=layout.floor & (away_m > 1.6)))
+
+    def run(grow_floor):
+        return run_trial(
+            apartment(),
+            mapped().with_abstract(holed),
+            trial,
+            make_mapper=TrueMapper,
+            embedder=HashedEmbedder(),
+            settings=NavigationSettings(grow_floor=grow_floor),
+            options=DriveOptions(rate_hz=3.0),
+        )
+
+    found = run(True)
+    assert found.drive.is_success, found.outcome.reason
+    assert found.drive.collisions == 0
+    assert run(False).outcome.ending == "bad_start"

@@ -117,3 +117,29 @@ def test_a_layout_without_floor():
 def test_a_bad_radius(radius_m):
     with pytest.raises(ConfigError, match="radius_m"):
         NavigationGrid(layout_from(ROOM), radius_m)
+
+
+def test_a_way_in_over_unknown_floor_leads_past_no_obstacle():
+    """The nearest free floor lies behind a wall; what can be come to is farther off."""
+    unknown = "?" * 21
+    grid = NavigationGrid(layout_from("\n".join([*["." * 9 + "#" + "?" * 3 + "." * 8] * 9, unknown])), 0.1)
+    stands = np.array([1.05, 0.5])
+    assert grid.nearest_free(stands, 1.0)[0] < 1.0
+    out = grid.way_in(stands, 1.0)
+    assert grid.is_free(out[None])[0]
+    assert out[0] > 1.3
+    assert grid.way_in(stands, 0.1) is None
+
+
+def test_an_island_of_floor_is_left_for_the_large_part():
+    rows = ["." * 5 + " " * 3 + "." * 12] * 9
+    grid = NavigationGrid(layout_from("\n".join(rows)), 0.1)
+    island, shore = np.array([0.25, 0.45]), np.array([1.5, 0.45])
+    assert grid.is_free(island[None])[0]
+    found = grid.way_in(island, 1.0)
+    assert found[0] > 0.8
+    assert not grid.same_part(island, found)
+    assert np.array_equal(grid.way_in(shore, 1.0), shore)
+    assert np.array_equal(grid.way_in(island, 0.3), island)  # too far off
+    walled = NavigationGrid(layout_from("\n".join(["." * 5 + " # " + "." * 12] * 9)), 0.1)
+    assert np.array_equal(walled.way_in(island, 1.0), island)

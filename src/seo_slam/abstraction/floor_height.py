@@ -41,25 +41,27 @@ def floor_height_m(p_world: FloatArray, way_world: FloatArray) -> float:
     return middle
 
 
-def floor_heights_m(p_world: FloatArray, way_world: FloatArray) -> FloatArray:
-    """Return the height (N,) of the floor under points (N, 3), N > 0: a plane that may lean a little, as poses that drift make it lean.
+def floor_plane(p_world: FloatArray, way_world: FloatArray) -> FloatArray:
+    """Return a, b, c (3,) of the floor's height a x + b y + c under points (N, 3), N > 0; drifting poses make it lean.
 
     Half a degree is 9 cm on 10 m: more than what a robot steps over. Where too little floor was seen, or the fit leans by more than 3
     degrees, the floor is level. ``way_world`` as of ``floor_height_m``.
     """
-    level_m = floor_height_m(p_world, way_world)
-    level = np.full(len(p_world), level_m)
-    cells = _middles_near(p_world, level_m)
-    plane = np.array([0.0, 0.0, level_m])
+    level = np.array([0.0, 0.0, floor_height_m(p_world, way_world)])
+    cells = _middles_near(p_world, level[2])
+    plane = level
     ones = np.ones((len(cells), 1))
     for band_m in _BANDS_M:
         near = np.abs(cells[:, 2] - np.hstack([cells[:, :2], ones]) @ plane) <= band_m
         if near.sum() * _AREA_CELL_M**2 < _LEAST_AREA_M2:
             return level
         plane = np.linalg.lstsq(np.hstack([cells[near, :2], ones[near]]), cells[near, 2], rcond=None)[0]
-    if np.hypot(plane[0], plane[1]) > _STEEPEST:
-        return level
-    return np.asarray(p_world[:, :2] @ plane[:2] + plane[2])
+    return level if np.hypot(plane[0], plane[1]) > _STEEPEST else np.asarray(plane)
+
+
+def heights_above(plane: FloatArray, p_world: FloatArray) -> FloatArray:
+    """Return (N,) the height of points (N, 3) above a floor (3,)."""
+    return np.asarray(p_world[:, 2] - (p_world[:, :2] @ plane[:2] + plane[2]))
 
 
 def _middles_near(p_world: FloatArray, level_m: float) -> FloatArray:

@@ -4,13 +4,15 @@ The paper's occupancy is a histogram of the points with a threshold at its 90th 
 must not bump into a stool we also keep where something stands between the floor and the robot's height, and where floor was seen.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import ndimage
 
 from seo_slam.abstraction.abstract_map import Layout
-from seo_slam.abstraction.floor_height import floor_heights_m
+from seo_slam.abstraction.floor_height import floor_plane, heights_above
+from seo_slam.abstraction.seen_over import View, low_on_rays
 from seo_slam.abstraction.voxels import Voxels
 from seo_slam.geometry import FloatArray
 from seo_slam.settings.planning import LayoutSettings
@@ -34,26 +36,29 @@ class _Raster:
         return np.asarray(summed.reshape(rows, columns), dtype=np.float64)
 
 
-def layout_of(voxels: Voxels, way_world: FloatArray, settings: LayoutSettings) -> Layout:
+def layout_of(voxels: Voxels, way_world: FloatArray, settings: LayoutSettings, views: Sequence[View] = ()) -> Layout:
     """Return the layout of what was seen; without rooms.
 
     Args:
         voxels: the scene cloud.
         way_world: (N, 3) where the camera was.
         settings: see there.
+        views: of which frames the points are; floor that they looked over low enough counts as seen.
     """
     if not len(voxels.p_world):
         nothing = np.zeros((1, 1), dtype=np.bool_)
         return Layout(np.zeros(2), settings.cell_m, nothing, nothing, nothing, np.zeros((1, 1), dtype=np.int16))
     raster = _raster(np.concatenate([voxels.p_world, way_world])[:, :2], len(voxels.p_world), settings)
-    above_m = voxels.p_world[:, 2] - floor_heights_m(voxels.p_world, way_world)
+    plane = floor_plane(voxels.p_world, way_world)
+    above_m = heights_above(plane, voxels.p_world)
     on_floor = raster.counts(voxels.counts, np.abs(above_m) <= settings.step_over_m)
     standing = raster.counts(voxels.counts, (above_m > settings.step_over_m) & (above_m <= settings.robot_height_m))
     obstacles = _obstacles(standing, on_floor, settings)
     floor = _without_gaps(on_floor >= settings.floor_points, settings.floor_gap_cells)
+    over = _seen_over(raster, views, plane, settings)
     walls = _walls(raster, above_m, settings)
     seen = Layout(raster.corner_world, settings.cell_m, walls, obstacles, floor, np.zeros(raster.shape, dtype=np.int16))
-    return replace(seen, floor=(floor | _walked(seen, way_world, settings)) & ~obstacles)
+    return replace(seen, floor=(floor | over | _walked(seen, way_world, settings)) & ~obstacles)
 
 
 def _obstacles(standing: FloatArray, on_floor: FloatArray, settings: LayoutSettings) -> BoolArray:
@@ -62,6 +67,18 @@ def _obstacles(standing: FloatArray, on_floor: FloatArray, settings: LayoutSetti
     sure = likely & (standing >= settings.obstacle_points)
     seen = likely & ndimage.binary_dilation(sure, _SQUARE)
     return _without_gaps(seen, settings.obstacle_gap_cells)  # a far wall is seen in pieces; no robot fits between them
+
+
+def _seen_over(raster: _Raster, views: Sequence[View], plane: FloatArray, settings: LayoutSettings) -> BoolArray:
+    """Cells that were looked over so low that nothing but what a robot steps over, or what is flatter than that look, can be in them."""
+    passed = np.zeros(raster.shape, dtype=np.bool_)
+    if not settings.seen_over_m:
+        return passed
+    low = low_on_rays(views, plane, settings.seen_over_m, settings.cell_m, settings.seen_over_rays)
+    cells = np.floor((low - raster.corner_world) / settings.cell_m).astype(np.int64)[:, ::-1]
+    inside = ((cells >= 0) & (cells < raster.shape)).all(axis=1)
+    passed[tuple(cells[inside].T)] = True
+    return _without_gaps(passed, settings.floor_gap_cells)
 
 
 def _walls(raster: _Raster, above_m: FloatArray, settings: LayoutSettings) -> BoolArray:

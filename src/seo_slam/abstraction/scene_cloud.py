@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from seo_slam.abstraction.abstract_map import Layout
 from seo_slam.abstraction.layout import layout_of
+from seo_slam.abstraction.seen_over import View
 from seo_slam.abstraction.voxels import KnownVoxels, Voxels
 from seo_slam.camera import Camera
 from seo_slam.errors import FrameError
@@ -120,7 +121,9 @@ class SceneCloud:
 
     def layout(self, poses: Mapping[int, FloatArray] | None = None) -> Layout:
         """Return the layout of what was seen so far; see ``voxels`` for ``poses``. No rooms yet."""
-        return layout_of(self.voxels(poses), self.way_world(poses), self.settings)
+        at = [(_pose(kept, poses), kept.p_camera) for kept in self._kept]
+        views = [View(T[:3, 3], transform_points(T, p_camera)) for T, p_camera in at]
+        return layout_of(self.voxels(poses), self.way_world(poses), self.settings, views)
 
     def note_way(self, T_world_camera: FloatArray) -> None:
         """Remember that the camera was there; ``add`` does so as well. Nothing is remembered before the first frame that is kept."""

@@ -124,14 +124,33 @@ class NavigationGrid:
         xy = np.asarray(xy_world, dtype=np.float64)[:2]
         if self.is_free(xy[None])[0]:
             return xy
+        return self._first_straight(xy, self._within(xy, self.radius_m + _ESCAPE_CELLS * self.cell_m))
+
+    def way_in(self, xy_world: FloatArray, within_m: float) -> FloatArray | None:
+        """Return where a robot comes to the large part of the floor from a point (2,) outside of it, or on an island of its own.
+
+        The place is of the largest part that can be come to straight within a distance, through cells in which no obstacle was seen; the
+        nearest of it. The point itself where it is of that part already; None where there is no free place so near.
+        """
+        xy = np.asarray(xy_world, dtype=np.float64)[:2]
+        sizes = np.bincount(self.parts.ravel())
+        here = self.parts[tuple(self.layout.cells(xy[None])[0])] if self.is_free(xy[None])[0] else 0
+        places = self._within(xy, within_m)
+        size = sizes[self.parts[tuple(self.layout.cells(places).T)]] if len(places) else np.zeros(0)
+        larger = size > (sizes[here] if here else 0)
+        order = np.argsort(-size[larger], kind="stable")
+        found = self._first_straight(xy, places[larger][order])
+        return xy if found is None and here else found
+
+    def _within(self, xy: FloatArray, reach_m: float) -> FloatArray:
+        """Middles (N, 2) of the free cells so near, nearest first."""
         if not len(self.free_cells):
-            return None
-        near = self._free_tree.query_ball_point(xy, self.radius_m + _ESCAPE_CELLS * self.cell_m)
-        places = self._free_tree.data[near]
-        for place in places[np.argsort(np.linalg.norm(places - xy, axis=1), kind="stable")]:
-            if self._passes(xy, place, self._flat_passable, 0.5):
-                return np.asarray(place)
-        return None
+            return np.zeros((0, 2))
+        places = np.asarray(self._free_tree.data)[self._free_tree.query_ball_point(xy, reach_m)]
+        return np.asarray(places[np.argsort(np.linalg.norm(places - xy, axis=1), kind="stable")])
+
+    def _first_straight(self, xy: FloatArray, places: FloatArray) -> FloatArray | None:
+        return next((np.asarray(place) for place in places if self._passes(xy, place, self._flat_passable, 0.5)), None)
 
     def _passes(self, a_world: FloatArray, b_world: FloatArray, values: list[float], least: float) -> bool:
         """Whether all cells that a segment goes through have a value of at least so much (Amanatides and Woo 1987).

@@ -200,6 +200,12 @@ def legs_to_look(path_world: FloatArray, anchors: Sequence[Anchor], eye: Eye, ra
     return tuple(legs)
 
 
+def all_around(yaw_rad: float, eye: Eye) -> tuple[float, ...]:
+    """Return the headings of a whole turn, beginning with a heading, that leave nothing out."""
+    count = int(np.ceil(2.0 * np.pi / max(2.0 * _SHARE_OF_VIEW * eye.half_width_rad, _OTHER_SIDE_RAD)))
+    return tuple(wrapped(yaw_rad + 2.0 * np.pi * k / count) for k in range(1, count + 1))
+
+
 def heading_to(target_xy: FloatArray, from_xy: FloatArray) -> float:
     """Return the heading from one point (2,) to another."""
     way = target_xy - from_xy

@@ -45,6 +45,10 @@ class Grid(Protocol):
         """Return the nearest point where it may be."""
         ...
 
+    def way_in(self, xy_world: FloatArray, within_m: float) -> FloatArray | None:
+        """Return where a robot that stands outside the free floor, or on an island of it, comes to the large part of it."""
+        ...
+
     def same_part(self, a_world: FloatArray, b_world: FloatArray) -> bool:
         """Whether free floor connects two points."""
         ...

@@ -9,7 +9,7 @@ from seo_slam.errors import NoPathError
 from seo_slam.geometry import FloatArray
 from seo_slam.navigation.judging import Judge
 from seo_slam.navigation.local_match import Match, box_of, center_of, is_at, look_at_z_m
-from seo_slam.navigation.looking import heading_to, headings_over, in_sight, legs_to_look, nearest_turn
+from seo_slam.navigation.looking import all_around, heading_to, headings_over, in_sight, legs_to_look, nearest_turn
 from seo_slam.navigation.memory import Memory
 from seo_slam.navigation.moves import Moves, Walked
 from seo_slam.navigation.outcomes import Attempt, Candidate, Command, Ending
@@ -24,6 +24,7 @@ NOWHERE = -1
 """``Candidate.anchor_id`` of a match that is on no anchor."""
 
 _APPROACHES = 2
+_BLIND = 2.0  # a robot sees no floor before its feet: what it saw from where it stands begins so much farther off
 _MOVED_M = 0.25  # a match whose place the map corrected by more is gone to again
 
 
@@ -95,8 +96,18 @@ class Search:
             self._memory.learn(self._feature, self._judge.required)
 
     def _escape(self) -> Generator[Command, None, bool]:
+        """Come onto the free floor; where the map knows none around, look around for some first."""
+        reach_m = self._settings.escape_m
         xy = self._senses.stance.xy_world
-        free = self._ways.grid.nearest_free(xy, self._settings.escape_m)
+        free = self._ways.grid.way_in(xy, reach_m)
+        if free is None and self._settings.grow_floor:
+            self._log("the robot stands where the map knows no floor, and looks around for some")
+            for heading in all_around(self._senses.stance.yaw_rad, self._senses.eye):
+                yield from self.moves.turn(heading)
+            self._grow_floor()
+            xy = self._senses.stance.xy_world
+            free = self._ways.grid.way_in(xy, _BLIND * reach_m)
+        free = self._ways.grid.nearest_free(xy, reach_m) if free is None else free
         if free is None:
             return False
         if np.linalg.norm(free - xy) > self._settings.reach_m:

@@ -35,6 +35,10 @@ class LayoutSettings(Settings):
     obstacle_gap_cells: int = Field(2, ge=0, description="gaps between obstacles are closed up to twice so many cells across")
     floor_points: int = Field(2, ge=1, description="points at the floor's height with which a cell is seen floor")
     floor_gap_cells: int = Field(2, ge=0, description="unseen gaps in seen floor are closed up to twice so many cells across")
+    seen_over_m: float = Field(
+        0.5, ge=0, description="floor that a look passed over so low counts as seen, without its own points: a camera sees no floor near it"
+    )
+    seen_over_rays: int = Field(1000, ge=1, description="looks of a frame that are followed for this")
     path_radius_m: float = Field(0.3, ge=0, description="the floor so near under the camera's way was walked on; 0: that tells nothing")
     door_m: float = Field(1.2, gt=0, description="openings narrower than this part rooms")
     room_area_m2: float = Field(2.0, gt=0, description="a smaller part of the floor is no room of its own")
