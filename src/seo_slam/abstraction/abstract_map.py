@@ -79,7 +79,7 @@ class Layout:
         cell_m: side of a cell.
         walls: (R, C) the paper's occupancy: cells in which more points are piled up than in nine of ten.
         obstacles: (R, C) something between the floor and a robot's height was seen there.
-        floor: (R, C) the floor was seen there, or a robot stood there.
+        floor: (R, C) the floor was seen there, or looked over low enough, or a robot stood there.
         rooms: (R, C) int16, the id of the room of each cell; 0 for none.
     """
 

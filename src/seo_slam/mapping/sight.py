@@ -56,8 +56,8 @@ class Sight:
 
     Attributes:
         in_view: (N,) inside the image by a margin, in range, and with enough depth to tell.
-        hidden: (N,) share of the surface behind something that is nearer than the whole thing.
-        through: (N,) share of what is not hidden where the camera sees farther than the surface: it is not there.
+        hidden: (N,) share of the surface behind something that is nearer than the whole thing; 0 for what is not in the image.
+        through: (N,) share of what is not hidden where the camera sees farther than the surface: it is not there; 0 as well.
         area_px: (N,) pixels of its box, scaled to an image of 640x480.
     """
 
@@ -91,7 +91,9 @@ def look(surfaces_world: Sequence[FloatArray], view: DepthView, max_depth_m: flo
     border = MARGIN_SHARE * size
     middle = np.median(uv, axis=1)
     central = ((middle >= border) & (middle <= size - 1 - border)).all(axis=1)
-    low, high = _depth_around(view, uv, z, inside)
+    may_be_seen = front & central & (inside.mean(axis=1) >= LEAST_INSIDE) & (z.max(axis=1) <= max_depth_m)
+    low, high = np.zeros(z.shape), np.zeros(z.shape)
+    low[may_be_seen], high[may_be_seen] = _depth_around(view, uv[may_be_seen], z[may_be_seen], inside[may_be_seen])
     known = inside & (high > 0)
     tolerance = TOLERANCE_M + TOLERANCE_SIGMAS * depth_noise_at_1m_m * z * z
     through = known & (low > z + tolerance)
@@ -100,10 +102,7 @@ def look(surfaces_world: Sequence[FloatArray], view: DepthView, max_depth_m: flo
     open_ = np.maximum(total - hidden.sum(axis=1), 1)
     extent = np.ptp(uv, axis=1).prod(axis=1)
     return Sight(
-        in_view=np.asarray(
-            front & central & (inside.mean(axis=1) >= LEAST_INSIDE) & (known.mean(axis=1) >= 0.5) & (z.max(axis=1) <= max_depth_m),
-            dtype=np.bool_,
-        ),
+        in_view=np.asarray(may_be_seen & (known.mean(axis=1) >= 0.5), dtype=np.bool_),
         hidden=hidden.sum(axis=1) / total,
         through=through.sum(axis=1) / open_,
         area_px=np.asarray(extent * (_VGA_PX / float(size.prod())), dtype=np.float64),

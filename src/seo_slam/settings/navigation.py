@@ -63,7 +63,9 @@ class NavigationSettings(Settings):
     look_ahead_m: float = Field(0.6, gt=0, description="the robot heads for the point of its path this far ahead")
     reach_m: float = Field(0.04, gt=0, description="a waypoint is reached at this distance")
     turned_rad: float = Field(0.06, gt=0, description="a heading is reached at this difference")
-    escape_m: float = Field(1.0, ge=0, description="free floor this near to a robot that stands outside of it is gone to first")
+    escape_m: float = Field(
+        1.0, ge=0, description="free floor this near to a robot outside of it is gone to first; after a look around, twice as far"
+    )
     approach_m: float = Field(1.5, gt=0, description="the robot stops at most this far from the middle of the match")
     grow_floor: bool = Field(True, description="floor that the map does not know and that is seen on the way may be walked on")
     stuck_frames: int = Field(20, ge=2, description="frames without getting ahead after which another path is planned")
