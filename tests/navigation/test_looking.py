@@ -17,6 +17,7 @@ from seo_slam.navigation.looking import (
     legs_to_look,
     nearest_turn,
     places_near,
+    shows_its_top,
     viewpoints,
     what_hides,
 )
@@ -139,6 +140,13 @@ def test_one_stops_as_near_as_can_be_on_the_near_side_of_a_wall():
     away = np.linalg.norm(places_near(on_desk, 1.5, np.array([0.8, 2.5]), GRID, HIDING) - on_desk, axis=1)
     assert away[0] < away.min() + 0.02, "as near as it gets, however long the way"
     assert places_near(np.array([-5.0, 0.0]), 1.5, np.array([2.0, 1.0]), GRID, HIDING).shape == (0, 2)
+
+
+@pytest.mark.parametrize(("size", "shown"), [((1.0, 0.6, 1.9), False), ((1.0, 0.2, 1.7), True), ((1.0, 0.6, 1.2), True)])
+def test_nothing_is_seen_on_a_wardrobe_but_on_a_wall_shelf_and_a_dresser_it_is(size, shown):
+    thing = Thing(9, "wardrobe", (2.0, 2.0, size[2] / 2), size)
+    anchor = abstract_map([thing], []).anchors[0]
+    assert shows_its_top(anchor, EYE) is shown
 
 
 def test_the_nearest_turn():

@@ -1,5 +1,6 @@
 """The navigator in a home drawn by hand: found, moved, not there, no way, and what it keeps for the next query."""
 
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -519,6 +520,17 @@ def test_random_picks_follow_the_seed():
 def test_the_paper_and_the_public_code_choose_by_score_and_class(rule):
     home = Home(now=None, next_candidate=rule, opportunistic="never", views=1)
     assert gone_to(home.search()) == [TABLE, COUNTER, DESK]
+
+
+def test_where_it_could_see_nothing_it_looks_last(monkeypatch):
+    """As high as a wardrobe, the desk would show nothing that lies on it."""
+    low = gone_to(Home(now=None, attempts=4, views=1).search())
+    tall = [Thing(t.id, t.label, (*t.center[:2], 0.95), (*t.size[:2], 1.9)) if t.id == DESK else t for t in furniture()]
+    monkeypatch.setattr(sys.modules[__name__], "furniture", lambda: tall)
+    high = gone_to(Home(now=None, attempts=4, views=1).search())
+    assert low[:2] == [TABLE, DESK]
+    assert high[0] == TABLE
+    assert high.index(DESK) > high.index(SHELF)
 
 
 def test_it_can_be_asked_where_it_is_and_was():

@@ -30,6 +30,7 @@ _INNER = np.array([[0.0, 0.0], [0.35, 0.35], [0.35, -0.35], [-0.35, 0.35], [-0.3
 _HALF_HIDDEN = 0.4
 _IN_PASSING_M = 0.5  # a place to look from in passing is at most so much farther off than the nearest
 _SAMPLE_M = 0.3
+_SMALL_M = 0.05  # as high as this is what must be seen over the edge of a top
 _SHARE_OF_VIEW = 0.75  # one look takes in so much of the view's width
 
 
@@ -198,6 +199,16 @@ def legs_to_look(path_world: FloatArray, anchors: Sequence[Anchor], eye: Eye, ra
         )
         first = cut
     return tuple(legs)
+
+
+def shows_its_top(anchor: Anchor, eye: Eye) -> bool:
+    """Whether something small in the middle of an anchor's top can be seen from the floor; a low robot sees nothing on a wardrobe.
+
+    The near edge of a top above the eye hides what lies behind it, the more the higher and the deeper the top is.
+    """
+    low, high = anchor.bounds_world
+    behind_edge_m = 0.5 * float((high - low).min())
+    return bool(behind_edge_m * (anchor.support_z_m - eye.z_m) / _FARTHEST_M <= _SMALL_M)
 
 
 def all_around(yaw_rad: float, eye: Eye) -> tuple[float, ...]:

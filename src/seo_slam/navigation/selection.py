@@ -7,6 +7,7 @@ from seo_slam.errors import NoPathError
 from seo_slam.geometry import FloatArray
 from seo_slam.navigation.choosing import Option, most_learned
 from seo_slam.navigation.judging import Judge
+from seo_slam.navigation.looking import shows_its_top
 from seo_slam.navigation.memory import Memory
 from seo_slam.navigation.motion import path_length_m
 from seo_slam.navigation.outcomes import Candidate
@@ -22,8 +23,9 @@ class Selection:
     Strategy "updated" takes the best anchor of the map as updated on the way, if it scores like the first candidate. If none does, the
     setting ``next_candidate`` says: "highest", the best all the same (the paper); "same_class", the best of the first candidate's word if
     there is one left (the public code); "learn", see ``choosing.most_learned``, and anchors seen well on the way without a match on
-    them are left for the end. So it is from the start with a thing that the map does not know. "original" takes the best left of the
-    map as it was, "random" any; both learn nothing on the way.
+    them are left for the end, as are those that carried nothing and are so high that the robot sees nothing on them. So it is from the
+    start with a thing that the map does not know. "original" takes the best left of the map as it was, "random" any; both learn nothing
+    on the way.
     """
 
     def __init__(
@@ -69,7 +71,8 @@ class Selection:
         if rule == "same_class":
             word = self._word_of(self._first[0])
             return next((candidate for candidate in left if self._word_of(candidate) == word), left[0])
-        options = [option for candidate in left if (option := self._option(candidate)) is not None]
+        shown = tuple(candidate for candidate in left if self._may_show_something(candidate)) or left
+        options = [option for candidate in shown if (option := self._option(candidate)) is not None]
         if not options:
             return left[0]
         seen = {option.anchor.id: self._senses.coverage.seen_share(option.anchor.id) for option in options}
@@ -79,6 +82,11 @@ class Selection:
         anchor = self._memory.anchor(candidate.anchor_id)
         seen = self._senses.coverage.seen_share(anchor.id) >= self._settings.seen_share
         return seen and self._judge.confident_at(anchor, candidate) is None
+
+    def _may_show_something(self, candidate: Candidate) -> bool:
+        """Whether there is something to be learned at it: it carried things, or the robot can see its top."""
+        anchor = self._memory.anchor(candidate.anchor_id)
+        return bool(anchor.volatiles) or shows_its_top(anchor, self._senses.eye)
 
     def _option(self, candidate: Candidate) -> Option | None:
         anchor: Anchor = self._memory.anchor(candidate.anchor_id)
