@@ -60,3 +60,21 @@ def test_floor_before_what_was_seen_is_floor_and_what_stands_in_it_is_not(seen_o
     beside = floor_share((2.2, 0.6), (2.9, 0.75)), floor_share((2.7, -0.1), (2.95, 0.1))
     assert min(beside) > 0.9 if seen_over_m else max(beside) == 0.0
     assert floor_share((0.2, -0.2), (1.0, 0.2)) == 0.0  # right before the camera everything was passed over higher than that
+
+
+def test_a_stair_down_is_no_floor_although_it_is_looked_over():
+    """Between two floors there is a hole; the camera sees its far wall and the floor beyond, never the near edge's other side."""
+    near, far = plane((-2.0, -1.5), (1.5, 1.5), 0.0), plane((2.8, -1.5), (5.0, 1.5), 0.0)
+    z, y = np.meshgrid(np.arange(-0.9, 0.0, 0.05), np.arange(-1.5, 1.5, 0.05), indexing="ij")
+    wall = np.stack([np.full_like(y, 2.78), y, z], axis=-1).reshape(-1, 3)
+
+    def floor_in_hole(*points):
+        seen = np.concatenate(points)
+        eye = np.array([-0.5, 0.05, 1.0])
+        ahead = seen[seen[:, 0] > 2.7]
+        layout = layout_of(Voxels.of(np.concatenate([seen] * 4), 0.05), np.tile(eye, (2, 1)), LayoutSettings(), [View(eye, ahead)])
+        (r0, c0), (r1, c1) = layout.cells(np.array([[1.7, -0.2], [2.6, 0.2]]))
+        return layout.floor[r0:r1, c0:c1].mean()
+
+    assert floor_in_hole(near, far) > 0.5  # as floor that was only looked over
+    assert floor_in_hole(near, far, wall) == 0.0

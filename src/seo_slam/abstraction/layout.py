@@ -18,6 +18,7 @@ from seo_slam.geometry import FloatArray
 from seo_slam.settings.planning import LayoutSettings
 from seo_slam.types import BoolArray, IntArray
 
+_DROP_M = 0.3  # so far below the floor no noise makes points
 _SQUARE = np.ones((3, 3), dtype=np.bool_)
 
 
@@ -55,7 +56,8 @@ def layout_of(voxels: Voxels, way_world: FloatArray, settings: LayoutSettings, v
     standing = raster.counts(voxels.counts, (above_m > settings.step_over_m) & (above_m <= settings.robot_height_m))
     obstacles = _obstacles(standing, on_floor, settings)
     floor = _without_gaps(on_floor >= settings.floor_points, settings.floor_gap_cells)
-    over = _seen_over(raster, views, plane, settings)
+    deep = raster.counts(voxels.counts, above_m < -_DROP_M) > 0
+    over = _no_drop(_seen_over(raster, views, plane, settings) & ~floor, deep)
     walls = _walls(raster, above_m, settings)
     seen = Layout(raster.corner_world, settings.cell_m, walls, obstacles, floor, np.zeros(raster.shape, dtype=np.int16))
     return replace(seen, floor=(floor | over | _walked(seen, way_world, settings)) & ~obstacles)
@@ -79,6 +81,13 @@ def _seen_over(raster: _Raster, views: Sequence[View], plane: FloatArray, settin
     inside = ((cells >= 0) & (cells < raster.shape)).all(axis=1)
     passed[tuple(cells[inside].T)] = True
     return _without_gaps(passed, settings.floor_gap_cells)
+
+
+def _no_drop(over: BoolArray, deep: BoolArray) -> BoolArray:
+    """Without the stretches of unseen floor beside which something deep was seen: a stair down is looked over as low as floor is."""
+    labels, _ = ndimage.label(over, _SQUARE)
+    drops = np.unique(labels[ndimage.binary_dilation(deep, _SQUARE, iterations=2)])
+    return over & ~np.isin(labels, drops[drops > 0])
 
 
 def _walls(raster: _Raster, above_m: FloatArray, settings: LayoutSettings) -> BoolArray:
