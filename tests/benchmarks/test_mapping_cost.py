@@ -15,7 +15,7 @@ from seo_slam.records import MapEvent
 
 TINY = [
     *("--worlds", "hall", "--tables", "2", "--laps", "2", "--lap-frames", "8", "--hall-size", "128x96", "--level", "0.3"),
-    *("--set", "embedder.name=hashed", "--set", "status.observations=2", "--least-objects", "10", "--least-in-view", "3"),
+    *("--set", "embedder.name=hashed", "--set", "status.observations=2", "--least-objects", "10", "--least-in-view", "3", "--most-in-view", "10"),
 ]
 
 
@@ -47,6 +47,9 @@ def test_update_memory_and_efficiency_are_of_the_runs(printed):
     sums = [sum(row["stages"][stage] for stage in ("associate", "smooth", "map", "life")) for row in counted]
     assert cost["update_ms"]["median"] == pytest.approx(np.median(sums), abs=1e-3)
     assert cost["update_ms"]["max"] == pytest.approx(max(sums), abs=1e-3)
+    at_aim = [row for row in counted if row["in_view"] <= 10]
+    assert 0 < len(at_aim) == result["update_cost_at_aim"]["keyframes_counted"] < len(counted)
+    assert result["update_cost_at_aim"]["objects_in_view"]["max"] <= 10
     laps = result["memory_growth"]["laps"]
     assert [lap["lap"] for lap in laps] == [1, 2]
     assert laps[0]["keyframes"] < laps[1]["keyframes"] == len(rows)
