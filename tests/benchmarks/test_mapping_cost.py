@@ -15,7 +15,18 @@ from seo_slam.records import MapEvent
 
 TINY = [
     *("--worlds", "hall", "--tables", "2", "--laps", "2", "--lap-frames", "8", "--hall-size", "128x96", "--level", "0.3"),
-    *("--set", "embedder.name=hashed", "--set", "status.observations=2", "--least-objects", "10", "--least-in-view", "3", "--most-in-view", "10"),
+    *(
+        "--set",
+        "embedder.name=hashed",
+        "--set",
+        "status.observations=2",
+        "--least-objects",
+        "10",
+        "--least-in-view",
+        "3",
+        "--most-in-view",
+        "10",
+    ),
 ]
 
 

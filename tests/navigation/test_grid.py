@@ -143,3 +143,14 @@ def test_an_island_of_floor_is_left_for_the_large_part():
     assert np.array_equal(grid.way_in(island, 0.3), island)  # too far off
     walled = NavigationGrid(layout_from("\n".join(["." * 5 + " # " + "." * 12] * 9)), 0.1)
     assert np.array_equal(walled.way_in(island, 1.0), island)
+
+
+def test_a_way_in_keeps_off_what_was_seen_where_it_can():
+    """The nearest floor is round the corner of a chest; a little farther off is some to which the robot comes without touching it."""
+    rows = ["#" * 12 + " " * 20] * 16 + ["." * 18 + " " * 14] * 12
+    grid = NavigationGrid(layout_from("\n".join(rows), cell_m=0.05), 0.18)
+    stands, corner = np.array([1.05, 0.9]), np.array([0.6, 0.6])
+    nearest, found = grid.nearest_free(stands, 1.0), grid.way_in(stands, 1.0)
+    off_m = [np.linalg.norm(np.linspace(stands, place, 200) - corner, axis=1).min() for place in (nearest, found)]
+    assert off_m[1] > max(0.2, off_m[0] + 0.02)  # cells are told apart on the safe side
+    assert grid.is_free(found[None])[0]

@@ -54,7 +54,10 @@ class NavigationGrid:
         self.parts: IntArray = ndimage.label(self.free, EIGHT)[0].astype(np.int64)
         self._corner = (float(layout.corner_world[0]), float(layout.corner_world[1]))
         self._flat_clearance: list[float] = self.clearance_m.ravel().tolist()
-        self._flat_passable: list[float] = np.where(layout.obstacles | layout.walls, 0.0, 1.0).ravel().tolist()
+        solid = layout.obstacles | layout.walls
+        self._flat_passable: list[float] = np.where(solid, 0.0, 1.0).ravel().tolist()
+        from_solid = ndimage.distance_transform_edt(~ndimage.binary_dilation(solid, EIGHT)) if solid.any() else np.full(solid.shape, np.inf)
+        self._flat_from_solid: list[float] = np.asarray(self.cell_m * from_solid).ravel().tolist()
 
     @property
     def free_share(self) -> float:
@@ -124,13 +127,14 @@ class NavigationGrid:
         xy = np.asarray(xy_world, dtype=np.float64)[:2]
         if self.is_free(xy[None])[0]:
             return xy
-        return self._first_straight(xy, self._within(xy, self.radius_m + _ESCAPE_CELLS * self.cell_m))
+        return self._first_past(xy, self._within(xy, self.radius_m + _ESCAPE_CELLS * self.cell_m))
 
     def way_in(self, xy_world: FloatArray, within_m: float) -> FloatArray | None:
         """Return where a robot comes to the large part of the floor from a point (2,) outside of it, or on an island of its own.
 
-        The place is of the largest part that can be come to straight within a distance, through cells in which no obstacle was seen; the
-        nearest of it. The point itself where it is of that part already; None where there is no free place so near.
+        The place is of the largest part that can be come to straight within a distance; the nearest of it that the robot comes to without
+        touching what was seen, else the nearest to which its middle does. The point itself where it is of that part already; None where
+        there is no free place so near.
         """
         xy = np.asarray(xy_world, dtype=np.float64)[:2]
         sizes = np.bincount(self.parts.ravel())
@@ -139,7 +143,9 @@ class NavigationGrid:
         size = sizes[self.parts[tuple(self.layout.cells(places).T)]] if len(places) else np.zeros(0)
         larger = size > (sizes[here] if here else 0)
         order = np.argsort(-size[larger], kind="stable")
-        found = self._first_straight(xy, places[larger][order])
+        places = places[larger][order]
+        found = next((place for place in places if self._passes(xy, place, self._flat_from_solid, self.radius_m - 1e-9)), None)
+        found = self._first_past(xy, places) if found is None else np.asarray(found)
         return xy if found is None and here else found
 
     def _within(self, xy: FloatArray, reach_m: float) -> FloatArray:
@@ -149,7 +155,7 @@ class NavigationGrid:
         places = np.asarray(self._free_tree.data)[self._free_tree.query_ball_point(xy, reach_m)]
         return np.asarray(places[np.argsort(np.linalg.norm(places - xy, axis=1), kind="stable")])
 
-    def _first_straight(self, xy: FloatArray, places: FloatArray) -> FloatArray | None:
+    def _first_past(self, xy: FloatArray, places: FloatArray) -> FloatArray | None:
         return next((np.asarray(place) for place in places if self._passes(xy, place, self._flat_passable, 0.5)), None)
 
     def _passes(self, a_world: FloatArray, b_world: FloatArray, values: list[float], least: float) -> bool:
