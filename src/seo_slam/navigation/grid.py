@@ -54,10 +54,7 @@ class NavigationGrid:
         self.parts: IntArray = ndimage.label(self.free, EIGHT)[0].astype(np.int64)
         self._corner = (float(layout.corner_world[0]), float(layout.corner_world[1]))
         self._flat_clearance: list[float] = self.clearance_m.ravel().tolist()
-        solid = layout.obstacles | layout.walls
-        self._flat_passable: list[float] = np.where(solid, 0.0, 1.0).ravel().tolist()
-        from_solid = ndimage.distance_transform_edt(~ndimage.binary_dilation(solid, EIGHT)) if solid.any() else np.full(solid.shape, np.inf)
-        self._flat_from_solid: list[float] = np.asarray(self.cell_m * from_solid).ravel().tolist()
+        self._flat_passable: list[float] = np.where(layout.obstacles | layout.walls, 0.0, 1.0).ravel().tolist()
 
     @property
     def free_share(self) -> float:
@@ -72,6 +69,14 @@ class NavigationGrid:
     @cached_property
     def _free_tree(self) -> cKDTree:
         return cKDTree(self.layout.middles(self.free_cells))
+
+    @cached_property
+    def _flat_from_solid(self) -> list[float]:
+        """Of each cell, the least distance from anywhere in it to an obstacle or a wall; only a robot off the free floor asks for it."""
+        solid = self.layout.obstacles | self.layout.walls
+        cells = ndimage.distance_transform_edt(~ndimage.binary_dilation(solid, EIGHT)) if solid.any() else np.full(solid.shape, np.inf)
+        out: list[float] = np.asarray(self.cell_m * cells).ravel().tolist()
+        return out
 
     def is_free(self, xy_world: FloatArray) -> BoolArray:
         """Return (N,) whether the robot's middle may be at points (N, 2); never outside the grid."""
