@@ -25,6 +25,7 @@ class NoAbstraction:
         landmarks: Sequence[Landmark],  # noqa: ARG002
         poses: FloatArray,  # noqa: ARG002
         before: AbstractMap | None = None,
+        tentative: Sequence[Landmark] = (),  # noqa: ARG002
     ) -> AbstractMap | None:
         """Return the one there was."""
         return before
@@ -55,16 +56,19 @@ class Abstraction:
             self._scene.add(frame.depth_m, frame.camera, T_world_camera, keyframe)
         return self._scene.take_warnings()
 
-    def abstract(self, landmarks: Sequence[Landmark], poses: FloatArray, before: AbstractMap | None = None) -> AbstractMap:
+    def abstract(
+        self, landmarks: Sequence[Landmark], poses: FloatArray, before: AbstractMap | None = None, tentative: Sequence[Landmark] = ()
+    ) -> AbstractMap:
         """Return the abstract map of landmarks and of all that was seen of the floor.
 
         Args:
             landmarks: stable ones.
             poses: (T, 4, 4) of all keyframes as they are estimated now: the scene cloud moves with them.
             before: that of a map which is continued; it is updated (IV-D), and its floor grows by what was seen now.
+            tentative: those that are not trusted.
         """
         layout = self._scene.layout(dict(enumerate(poses)))
-        made = abstract(landmarks, self._embedder, self._config.abstraction, layout)
+        made = abstract(landmarks, self._embedder, self._config.abstraction, layout, tentative=tentative)
         if before is not None:
             made = updated(before, made, self._config.abstraction)
             layout = layout if before.layout is None else joined(before.layout, layout)

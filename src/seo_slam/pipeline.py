@@ -281,7 +281,7 @@ class Pipeline:
         poses = self.parts.smoother.poses() if self._path else np.zeros((0, 4, 4))
         concrete = self.snapshot()
         before = None if self._old_map is None else self._old_map.abstract
-        abstract = self._abstraction.abstract(concrete.landmarks, poses, before) if self._path else before
+        abstract = self._abstraction.abstract(concrete.landmarks, poses, before, concrete.tentative) if self._path else before
         all_poses = [poses[keyframe] @ T for _, keyframe, T in self._path]
         return RunResult(
             map=concrete.with_abstract(abstract),

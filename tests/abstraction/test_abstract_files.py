@@ -8,7 +8,7 @@ import jsonschema
 import numpy as np
 import pytest
 
-from seo_slam.abstraction.abstract_map import AbstractMap, Anchor, Layout, Room, Volatile
+from seo_slam.abstraction.abstract_map import AbstractMap, Anchor, Layout, Place, Room, Volatile
 from seo_slam.backends.hashed_embedder import HashedEmbedder
 from seo_slam.errors import MapError, MapFormatError
 from seo_slam.map import Map
@@ -21,14 +21,20 @@ def unit(draws, size):
     return vector / np.linalg.norm(vector)
 
 
+def a_place(draws):
+    return Place(draws.normal(size=3).round(4), draws.normal(size=16).round(2))
+
+
 def an_abstract_map(anchors=3, volatiles=2, size=8, side_m=1.0, shape=(7, 5), seed=0):
     draws = np.random.default_rng(seed)
     rows = []
     for k in range(anchors):
-        things = tuple(Volatile(f"thing {j}", unit(draws, size), ("on", "in", "next to")[j % 3], 100 + j) for j in range(volatiles))
+        kinds = ("on", "in", "next to")
+        things = tuple(Volatile(f"thing {j}", unit(draws, size), kinds[j % 3], 100 + j, a_place(draws)) for j in range(volatiles))
+        hints = (Volatile("doubt", unit(draws, size), "on", 90, a_place(draws)),)
         ticks = np.arange(0.0, side_m, 0.05)
         footprint = np.stack(np.meshgrid(ticks, ticks), axis=-1).reshape(-1, 2) + draws.normal(0, 0.01, (len(ticks) ** 2, 2)) + k
-        rows.append(Anchor(3 * k, "tisch é", unit(draws, size), footprint, 400, (-0.0, 0.75), 1 / 3, things))
+        rows.append(Anchor(3 * k, "tisch é", unit(draws, size), footprint, 400, (-0.0, 0.75), 1 / 3, things, hints))
     rooms = np.repeat(np.arange(shape[0] * shape[1]) * 4 // (shape[0] * shape[1]), 1).reshape(shape).astype(np.int16)
     layout = Layout(np.array([-1.5, 2.0]), 0.05, *(draws.random(shape) < share for share in (0.1, 0.3, 0.8)), rooms)
     return AbstractMap(tuple(rows), layout, (Room(1, "kitchen", 12.5), Room(2, "room 2", 8.0)), "minilm")
@@ -50,15 +56,32 @@ def test_it_comes_back(tmp_path):
         np.testing.assert_allclose(other.feature, anchor.feature, atol=1e-7)
         np.testing.assert_allclose(other.footprint_world, anchor.footprint_world, atol=1e-6)
         assert (*other.z_range_m, other.support_z_m) == pytest.approx((*anchor.z_range_m, anchor.support_z_m))
-        for thing, same in zip(anchor.volatiles, other.volatiles, strict=True):
+        for thing, same in zip((*anchor.volatiles, *anchor.hints), (*other.volatiles, *other.hints), strict=True):
             assert (thing.label, thing.relation, thing.landmark_id) == (same.label, same.relation, same.landmark_id)
             np.testing.assert_allclose(same.feature, thing.feature, atol=1e-7)
+            np.testing.assert_allclose(same.place.p_world, thing.place.p_world, atol=1e-9)
+            np.testing.assert_allclose(same.place.horizon, thing.place.horizon, atol=1e-9)
     for grid in ("walls", "obstacles", "floor", "rooms", "corner_world"):
         np.testing.assert_array_equal(getattr(back.layout, grid), getattr(source.layout, grid))
     assert back.layout.rooms.dtype == np.int16
     assert back.layout.cell_m == 0.05
     assert loaded.to_json() == (tmp_path / "map.json").read_bytes()
     assert list(jsonschema.Draft202012Validator(map_json_schema()).iter_errors(json.loads(loaded.to_json()))) == []
+
+
+def test_a_section_of_version_1_has_no_places_and_no_hints(tmp_path):
+    document = json.loads(a_map(an_abstract_map()).to_json())
+    document["abstract"]["version"] = 1
+    for anchor in document["abstract"]["anchors"]:
+        del anchor["hints"]
+        for volatile in anchor["volatiles"]:
+            del volatile["place"]
+    (tmp_path / "map.json").write_text(json.dumps(document), encoding="utf-8")
+    back = Map.load(tmp_path).abstract
+    assert [len(anchor.volatiles) for anchor in back.anchors] == [2, 2, 2]
+    assert all(anchor.hints == () for anchor in back.anchors)
+    assert all(volatile.place is None for anchor in back.anchors for volatile in anchor.volatiles)
+    assert b'"place": null' in a_map(back).to_json()
 
 
 def test_an_anchor_is_a_line():
@@ -120,7 +143,7 @@ def floats(*values):
 @pytest.mark.parametrize(
     ("edit", "message"),
     [
-        (lambda a: a.update(version=2), "abstract.version"),
+        (lambda a: a.update(version=3), "abstract.version"),
         (lambda a: a["anchors"][1].pop("label"), "abstract.anchors.1.label"),
         (lambda a: a["anchors"][1].update(feature="%%"), "anchor 3: feature: not base64"),
         (lambda a: a["anchors"][1].update(feature=floats(1, 0)), r"lengths \[2, 8\]"),

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from fake_home import CAMERA, Robot, Thing, abstract_map, furniture
 
+from seo_slam.abstraction.horizon import place_on
 from seo_slam.navigation.choosing import Option, most_learned
 from seo_slam.navigation.coverage import Coverage
 from seo_slam.navigation.grid import NavigationGrid
@@ -54,6 +55,27 @@ def test_from_a_viewpoint_the_near_edge_of_the_top_is_in_view(anchor_id):
     uv = CAMERA.project(T[:3, :3].T @ (np.array([*nearest, anchor.support_z_m]) - T[:3, 3]))
     assert (uv >= 0).all()
     assert (uv <= [319, 239]).all()
+
+
+def test_what_was_seen_at_an_end_of_an_anchor_is_looked_at_from_there():
+    table, here = ANCHORS[TABLE], np.array([2.0, 2.0])
+    low, high = table.bounds_world
+    for end in (low, high):
+        at = place_on(np.array([*end, table.support_z_m]), np.zeros((0, 3)))
+        place = viewpoints(table, EYE, here, GRID, HIDING, last_seen=at)[0]
+        other = low + high - end
+        assert np.linalg.norm(place - end) < np.linalg.norm(place - other)
+
+
+def test_what_an_anchor_hides_is_looked_at_from_the_side_where_it_does_not():
+    table, here = ANCHORS[TABLE], np.array([2.0, 2.0])
+    middle = np.array([*table.xy_world, table.support_z_m])
+    for side in (0.0, np.pi):
+        away = np.array([np.cos(side), np.sin(side)])
+        around = side + np.linspace(-1.4, 1.4, 50)
+        back = middle + np.column_stack([-0.3 * np.cos(around), -0.3 * np.sin(around), np.full(50, 0.6)])
+        place = viewpoints(table, EYE, here, GRID, HIDING, last_seen=place_on(middle, back))[0]
+        assert (place - table.xy_world) @ away > 0
 
 
 def test_another_view_is_from_another_side():

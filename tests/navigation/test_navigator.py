@@ -361,6 +361,42 @@ def test_a_thing_that_came_into_the_home_is_found():
     assert home.from_mug_m < 1.0
 
 
+def with_mug_as_hint(home, anchor_id):
+    """The navigator of a home that is not sure of a mug on an anchor."""
+    old = home.navigator.abstract_map
+    mug = Volatile("mug", EMBEDDER.embed_text(["mug"])[0], "on", 10)
+    anchors = tuple(replace(anchor, hints=(mug,)) if anchor.id == anchor_id else anchor for anchor in old.anchors)
+    return Navigator(replace(old, anchors=anchors), home.mapper, EMBEDDER, home.navigator.settings)
+
+
+def test_where_nothing_trusted_is_like_it_a_hint_is_gone_to_first():
+    home = Home(mapped=None, now=SHELF, look_first=False, unknown="answer")
+    navigator = with_mug_as_hint(home, SHELF)
+    assert navigator.ask("mug") is None, "a hint is something to go by"
+    outcome = drive(navigator, home.robot)
+    assert outcome.found
+    assert gone_to(outcome) == [SHELF]
+    assert "not sure of a mug that was seen at the shelf 4" in navigator.log[0]
+
+
+def test_a_hint_that_was_looked_for_in_vain_is_followed_by_as_many_places_as_without_one():
+    home = Home(mapped=None, now=None)
+    navigator = with_mug_as_hint(home, SHELF)
+    navigator.ask("mug")
+    outcome = drive(navigator, home.robot)
+    assert outcome.ending == "not_found"
+    assert gone_to(outcome)[0] == SHELF
+    assert sorted(gone_to(outcome)) == [TABLE, COUNTER, DESK, SHELF]
+    assert all(v.label != "mug" for anchor in navigator.abstract_map.anchors for v in (*anchor.volatiles, *anchor.hints))
+
+
+def test_where_something_trusted_is_like_it_no_hint_counts():
+    home = Home(mapped=DESK, now=DESK, look_first=False)
+    navigator = with_mug_as_hint(home, SHELF)
+    navigator.ask("mug")
+    assert gone_to(drive(navigator, home.robot)) == [DESK]
+
+
 def test_a_room_limits_the_search():
     home = Home(now=COUNTER)
     outcome = home.search("the mug in the kitchen")

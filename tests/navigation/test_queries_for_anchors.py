@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from seo_slam.abstraction.abstract_map import Room
 from seo_slam.abstraction.room_finding import room_of
 from seo_slam.errors import ConfigError
-from seo_slam.navigation.query import candidates, cosine, parsed
+from seo_slam.navigation.query import candidates, cosine, parsed, with_hints
 
 ROOMS = (Room(1, "kitchen", 10.0), Room(2, "living room", 20.0), Room(3, "room", 5.0), Room(4, "room 4", 5.0))
 
@@ -122,3 +122,14 @@ def test_length_tells_nothing_and_zero_is_like_nothing(seed, length):
     np.testing.assert_allclose(cosine(length * rows, feature / length), scores, atol=1e-12)
     assert scores[2] == 0.0
     assert (np.abs(scores) <= 1 + 1e-12).all()
+
+
+def test_a_hint_is_no_candidate_before_it_is_asked_for():
+    source = mapped()
+    table = source.anchors[0]
+    hinted = replace(source, anchors=(replace(table, volatiles=(), hints=table.volatiles), *source.anchors[1:]))
+    best = candidates(hinted, word("mug"))[0]
+    assert (best.anchor_id, best.because) != (table.id, "mug")
+    best = candidates(with_hints(hinted), word("mug"))[0]
+    assert (best.anchor_id, best.because, best.volatile) == (table.id, "mug", True)
+    assert best.score == pytest.approx(1.0)

@@ -18,6 +18,20 @@ RelationKind = Literal["on", "in", "next to"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Place:
+    """Where something was seen last.
+
+    Attributes:
+        p_world: (3,) middle of what was seen of it.
+        horizon: (S,) for as many directions around it, from -180 degrees against x on: the least slope, rise over run, at which an eye
+            there sees it over its anchor.
+    """
+
+    p_world: FloatArray
+    horizon: FloatArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Volatile:
     """Something that people carry about, as its anchor remembers it.
 
@@ -26,12 +40,14 @@ class Volatile:
         feature: (D,) unit vector.
         relation: how it stood to the anchor.
         landmark_id: of the concrete map it was taken from.
+        place: where it was; None in a map that was saved without.
     """
 
     label: str
     feature: FloatArray
     relation: RelationKind
     landmark_id: int
+    place: Place | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -47,6 +63,7 @@ class Anchor:
         z_range_m: lowest and highest point.
         support_z_m: height of the plane that carries things.
         volatiles: F of the paper.
+        hints: what was seen there and is not trusted; asked for where nothing trusted is like the query.
     """
 
     id: int
@@ -57,6 +74,7 @@ class Anchor:
     z_range_m: tuple[float, float]
     support_z_m: float
     volatiles: tuple[Volatile, ...] = ()
+    hints: tuple[Volatile, ...] = ()
 
     @property
     def bounds_world(self) -> tuple[FloatArray, FloatArray]:

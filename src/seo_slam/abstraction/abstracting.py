@@ -1,13 +1,15 @@
 """The abstract map of a concrete one (DualMap IV-A)."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from seo_slam.abstraction.abstract_map import AbstractMap, Anchor, Layout, Room, Volatile
 from seo_slam.abstraction.anchors import Mobility, features_of, words_for
 from seo_slam.abstraction.footprints import footprint, without_stray
-from seo_slam.abstraction.relations import Body, Carrier, best_relation
+from seo_slam.abstraction.horizon import place_on
+from seo_slam.abstraction.relations import Body, Carrier, best_relation, is_carried
 from seo_slam.errors import MapError
 from seo_slam.geometry import FloatArray
 from seo_slam.interfaces import Embedder
@@ -24,6 +26,7 @@ def abstract(
     settings: AbstractionSettings,
     layout: Layout | None = None,
     rooms: tuple[Room, ...] = (),
+    tentative: Sequence[Landmark] = (),
 ) -> AbstractMap:
     """Return the abstract map of landmarks: those that rarely move, each with the features of what belongs to it.
 
@@ -36,11 +39,15 @@ def abstract(
         settings: what is an anchor, and what belongs to it.
         layout: of the floor, kept with the map.
         rooms: of the layout.
+        tentative: landmarks that are not trusted, not yet or (lost) no more; those that are no anchors, have a word and were observed
+            often enough are kept as hints.
 
     Raises:
         MapError: an id is given twice, or a place is not finite.
     """
-    rows = sorted(landmarks, key=lambda landmark: landmark.id)
+    unsure = [row for row in tentative if row.label and row.observations >= settings.hint_observations]
+    rows = sorted((*landmarks, *unsure), key=lambda landmark: landmark.id)
+    hint_ids = {row.id for row in unsure}
     ids = [row.id for row in rows]
     if len(set(ids)) != len(ids):
         raise MapError(f"abstract map: a landmark id is given twice: {ids}")
@@ -49,23 +56,33 @@ def abstract(
     clouds = [_cloud(row) for row in rows]
     large = [_is_large(cloud, settings) for cloud in clouds]
     static = [mobility.of_landmark(words_for(row), row.embedding, big) for row, big in zip(rows, large, strict=True)]
-    solid = (without_stray(cloud, settings.footprint_voxel_m) if still else cloud for cloud, still in zip(clouds, static, strict=True))
-    bodies = [Body.of(cloud, still) for cloud, still in zip(solid, static, strict=True)]
-    anchors = [i for i in range(len(rows)) if static[i]]
+    bodies = [_body(cloud, still, settings) for cloud, still in zip(clouds, static, strict=True)]
+    doubtful = [
+        i for i in range(len(rows)) if static[i] and bodies[i].longest_m < settings.small_side_m and not mobility.is_listed(rows[i])
+    ]
+    sure = [Carrier.of(bodies[i], settings) for i, row in enumerate(rows) if static[i] and i not in doubtful and row.id not in hint_ids]
+    for i in doubtful:
+        if is_carried(bodies[i], sure, settings):
+            static[i], bodies[i] = False, _body(clouds[i], False, settings)
+    anchors = [i for i, row in enumerate(rows) if static[i] and row.id not in hint_ids]
     carriers = [Carrier.of(bodies[i], settings) for i in anchors]
     volatiles: list[list[Volatile]] = [[] for _ in anchors]
+    hints: list[list[Volatile]] = [[] for _ in anchors]
     for i, row in enumerate(rows):
         related = None if static[i] or not features[i].any() else best_relation(bodies[i], carriers, settings)
         if related is not None:
-            volatiles[related[0]].append(Volatile(row.label, features[i], related[1], row.id))
+            anchor = carriers[related[0]].body
+            place = place_on(0.5 * (bodies[i].low_world + bodies[i].high_world), anchor.p_world)
+            belongs_to = hints if row.id in hint_ids else volatiles
+            belongs_to[related[0]].append(Volatile(row.label, features[i], related[1], row.id, place))
     made = (
-        _anchor(rows[i], features[i], carrier, tuple(carried), settings)
-        for i, carrier, carried in zip(anchors, carriers, volatiles, strict=True)
+        replace(_anchor(rows[i], features[i], carrier, settings), volatiles=tuple(carried), hints=tuple(unsure_of))
+        for i, carrier, carried, unsure_of in zip(anchors, carriers, volatiles, hints, strict=True)
     )
     return AbstractMap(tuple(made), layout, tuple(rooms), embedder.name)
 
 
-def _anchor(row: Landmark, feature: FloatArray, carrier: Carrier, volatiles: tuple[Volatile, ...], settings: AbstractionSettings) -> Anchor:
+def _anchor(row: Landmark, feature: FloatArray, carrier: Carrier, settings: AbstractionSettings) -> Anchor:
     body = carrier.body
     return Anchor(
         id=row.id,
@@ -75,8 +92,11 @@ def _anchor(row: Landmark, feature: FloatArray, carrier: Carrier, volatiles: tup
         points=len(body.p_world),
         z_range_m=(float(body.low_world[2]), float(body.high_world[2])),
         support_z_m=carrier.support_z_m,
-        volatiles=volatiles,
     )
+
+
+def _body(cloud: FloatArray, still: bool, settings: AbstractionSettings) -> Body:
+    return Body.of(without_stray(cloud, settings.footprint_voxel_m) if still else cloud, still)
 
 
 def _is_large(p_world: FloatArray, settings: AbstractionSettings) -> bool:

@@ -13,6 +13,8 @@ from seo_slam.types import Landmark
 Vote = Literal[-1, 0, 1]
 """1: static, -1: movable, 0: undecided."""
 
+_HALF = 0.5
+
 
 class Mobility:
     """Tells static from movable things.
@@ -75,6 +77,10 @@ class Mobility:
         if vote:
             return vote > 0
         return large if self._settings.large_is_anchor else balance > 0
+
+    def is_listed(self, landmark: Landmark) -> bool:
+        """Whether the list of static things itself, and no mere likeness to it, makes an anchor of a landmark."""
+        return sum(share for word, share in words_for(landmark).items() if self._listed(words_of(word)) > 0) > _HALF
 
     def _listed(self, word: tuple[str, ...]) -> Vote:
         """By the longest ending of a word of several, since English names a thing last: "coffee table", but "table lamp"."""

@@ -13,17 +13,27 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from seo_slam.abstraction.abstract_map import AbstractMap, Anchor, Layout, RelationKind, Room, Volatile
+from seo_slam.abstraction.abstract_map import AbstractMap, Anchor, Layout, Place, RelationKind, Room, Volatile
 from seo_slam.geometry import FloatArray
 from seo_slam.types import BoolArray
 
-VERSION = 1
+VERSION = 2
+"""2: a volatile thing has its place, and an anchor has hints; 1 is read too."""
 _MOST_CELLS = 100_000_000
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 
 
 class _Model(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class PlaceDocument(_Model):
+    """Where something was seen last."""
+
+    p_world: tuple[Finite, Finite, Finite] = Field(description="Middle of what was seen of it, world frame, metres.")
+    horizon: tuple[Finite, ...] = Field(
+        min_length=1, description="Rise over run at which an eye sees it over its anchor, by direction, from -180 degrees against x on."
+    )
 
 
 class VolatileDocument(_Model):
@@ -33,6 +43,7 @@ class VolatileDocument(_Model):
     relation: RelationKind = Field(description="How it stood to the anchor.")
     landmark_id: int = Field(ge=0, description="Of the concrete map it was taken from.")
     feature: str = Field(description="Unit vector: float32, little-endian, base64.")
+    place: PlaceDocument | None = Field(default=None, description="Where it was; null in a section of version 1.")
 
 
 class AnchorDocument(_Model):
@@ -46,6 +57,7 @@ class AnchorDocument(_Model):
     feature: str = Field(description="Unit vector: float32, little-endian, base64.")
     footprint_world: str = Field(description="Points seen from above, [x, y] after [x, y], world frame, metres: as feature.")
     volatiles: tuple[VolatileDocument, ...] = Field(description="What belongs to it.")
+    hints: tuple[VolatileDocument, ...] = Field(default=(), description="What was seen there and is not trusted.")
 
 
 class RoomDocument(_Model):
@@ -84,7 +96,7 @@ class LayoutDocument(_Model):
 class AbstractDocument(_Model):
     """Anchors, what is on them, and the layout of the floor."""
 
-    version: Literal[1] = Field(description="Version of this section.")
+    version: Literal[1, 2] = Field(description="Version of this section.")
     embedder: str = Field(description="Name of the model of all features.")
     anchors: tuple[AnchorDocument, ...] = Field(description="By rising id.")
     rooms: tuple[RoomDocument, ...] = Field(description="By rising id.")
@@ -101,7 +113,8 @@ class AbstractDocument(_Model):
                 raise ValueError(f"anchor {anchor.id}: z_range_m: got {anchor.z_range_m}, wanted the lower one first")
             if not len(_floats_from(f"anchor {anchor.id}: footprint_world", anchor.footprint_world, 2)):
                 raise ValueError(f"anchor {anchor.id}: footprint_world: got no point")
-            for owner, text in (("", anchor.feature), *((f"volatile {v.landmark_id}: ", v.feature) for v in anchor.volatiles)):
+            carried = (*anchor.volatiles, *anchor.hints)
+            for owner, text in (("", anchor.feature), *((f"volatile {v.landmark_id}: ", v.feature) for v in carried)):
                 sizes.add(_floats_from(f"anchor {anchor.id}: {owner}feature", text, 1).size)
         if len(sizes) > 1:
             raise ValueError(f"features: got vectors of lengths {sorted(sizes)}, wanted one length")
@@ -144,10 +157,19 @@ def _anchor_fields(anchor: Anchor) -> dict[str, object]:
         "support_z_m": _rounded(anchor.support_z_m),
         "feature": _floats(anchor.feature),
         "footprint_world": _floats(anchor.footprint_world),
-        "volatiles": [
-            {"label": v.label, "relation": v.relation, "landmark_id": int(v.landmark_id), "feature": _floats(v.feature)}
-            for v in anchor.volatiles
-        ],
+        "volatiles": [_volatile_fields(volatile) for volatile in anchor.volatiles],
+        "hints": [_volatile_fields(volatile) for volatile in anchor.hints],
+    }
+
+
+def _volatile_fields(volatile: Volatile) -> dict[str, object]:
+    place = volatile.place
+    return {
+        "label": volatile.label,
+        "relation": volatile.relation,
+        "landmark_id": int(volatile.landmark_id),
+        "feature": _floats(volatile.feature),
+        "place": None if place is None else {"p_world": _short(place.p_world, 4), "horizon": _short(place.horizon, 2)},
     }
 
 
@@ -160,8 +182,14 @@ def _anchor_from(row: AnchorDocument) -> Anchor:
         points=row.points,
         z_range_m=row.z_range_m,
         support_z_m=row.support_z_m,
-        volatiles=tuple(Volatile(v.label, _floats_from("feature", v.feature, 1)[:, 0], v.relation, v.landmark_id) for v in row.volatiles),
+        volatiles=tuple(_volatile_from(volatile) for volatile in row.volatiles),
+        hints=tuple(_volatile_from(volatile) for volatile in row.hints),
     )
+
+
+def _volatile_from(row: VolatileDocument) -> Volatile:
+    place = None if row.place is None else Place(np.array(row.place.p_world), np.array(row.place.horizon))
+    return Volatile(row.label, _floats_from("feature", row.feature, 1)[:, 0], row.relation, row.landmark_id, place)
 
 
 def _layout_fields(layout: Layout) -> dict[str, object]:
@@ -221,6 +249,10 @@ def _decoded(name: str, text: str) -> bytes:
         return base64.b64decode(text, validate=True)
     except (binascii.Error, ValueError) as error:
         raise ValueError(f"{name}: not base64: {error}") from error
+
+
+def _short(values: FloatArray, digits: int) -> list[float]:
+    return [round(float(x), digits) + 0.0 for x in values]
 
 
 def _rounded(x: float) -> float:

@@ -19,8 +19,10 @@ def with_features_of_words(abstract_map: AbstractMap, embedder: Embedder) -> Abs
         return embedder.embed_text([label])[0] if label else np.zeros(embedder.size)
 
     def renewed(anchor: Anchor) -> Anchor:
-        volatiles = tuple(replace(volatile, feature=feature(volatile.label)) for volatile in anchor.volatiles)
-        return replace(anchor, feature=feature(anchor.label), volatiles=volatiles)
+        volatiles, hints = (
+            tuple(replace(volatile, feature=feature(volatile.label)) for volatile in rows) for rows in (anchor.volatiles, anchor.hints)
+        )
+        return replace(anchor, feature=feature(anchor.label), volatiles=volatiles, hints=hints)
 
     recipe = None if abstract_map.features is None else replace(abstract_map.features, image_encoder="")
     anchors = tuple(renewed(anchor) for anchor in abstract_map.anchors)

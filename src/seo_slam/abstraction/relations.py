@@ -47,6 +47,11 @@ class Body:
         low, high = np.percentile(p_world, [stray, 100.0 - stray], axis=0)
         return cls(p_world, low, high)
 
+    @property
+    def longest_m(self) -> float:
+        """Its longest side."""
+        return float((self.high_world - self.low_world).max())
+
 
 @dataclass(frozen=True, eq=False)
 class Carrier:
@@ -125,6 +130,11 @@ def best_relation(body: Body, carriers: Sequence[Carrier], settings: Abstraction
         if known:
             return min(known)[1], kind
     return None
+
+
+def is_carried(body: Body, carriers: Sequence[Carrier], settings: AbstractionSettings) -> bool:
+    """Whether a thing is on or in one of some anchors."""
+    return any(test(body, carrier, settings) is not None for carrier in carriers for test in (on, inside))
 
 
 def _enclosed(body: Body, carrier: Carrier) -> float:

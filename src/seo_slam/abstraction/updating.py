@@ -103,14 +103,16 @@ def _seen_again(old: Anchor, seen: Sequence[Anchor], settings: AbstractionSettin
     """An anchor after it was seen again, in one piece or several."""
     new = seen[0]
     for piece in seen[1:]:
-        new = replace(_joined(new, piece, settings), volatiles=(*new.volatiles, *piece.volatiles))
+        volatiles, hints = (*new.volatiles, *piece.volatiles), (*new.hints, *piece.hints)
+        new = replace(_joined(new, piece, settings), volatiles=volatiles, hints=hints)
     before, now = ((a, Region.of(a.footprint_world, settings.footprint_voxel_m)) for a in (old, new))
     covered = _shares(before, now, settings)[0]
     whole = covered > settings.replace_overlap and new.points >= settings.replace_points * old.points
     joined = _joined(old, new, settings)
     volatiles = new.volatiles if whole else _united(old.volatiles, new.volatiles, settings.same_volatile_cosine)
     heavier = new if whole or new.points > old.points else old
-    return replace(joined, support_z_m=heavier.support_z_m, volatiles=volatiles)
+    hints = new.hints if whole else _united(old.hints, new.hints, settings.same_volatile_cosine)
+    return replace(joined, support_z_m=heavier.support_z_m, volatiles=volatiles, hints=hints)
 
 
 def _joined(old: Anchor, new: Anchor, settings: AbstractionSettings) -> Anchor:

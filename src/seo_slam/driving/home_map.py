@@ -111,6 +111,6 @@ def require_map_of(mapped: Map, home: SimulatedHome) -> None:
 
 def abstracted(concrete: Map, cloud: SceneCloud, embedder: Embedder, settings: MappingSettings) -> Map:
     """Return a concrete map together with the abstract one that comes out of it and a scene cloud."""
-    anchors = abstract(concrete.landmarks, embedder, settings.abstraction).anchors
+    anchors = abstract(concrete.landmarks, embedder, settings.abstraction, tentative=concrete.tentative).anchors
     layout, rooms = with_rooms(cloud.layout(), anchors, embedder, settings.layout)
     return concrete.with_abstract(AbstractMap(anchors, layout, rooms, embedder.name, concrete.features))

@@ -34,14 +34,16 @@ class Judge:
 
     Attributes:
         required: score of a match.
-        is_known: the map has something like what was asked for.
+        is_known: the map has, and trusts, something like what was asked for.
         rejected: landmarks that need not be gone to again.
     """
 
-    def __init__(self, query: Query, feature: FloatArray, first_score: float, senses: Senses, settings: NavigationSettings) -> None:
-        """Take the query with its feature (D,), and the first candidate's score."""
+    def __init__(
+        self, query: Query, feature: FloatArray, first_score: float, senses: Senses, settings: NavigationSettings, trusted: bool = True
+    ) -> None:
+        """Take the query with its feature (D,), the first candidate's score, and whether that is of something the map trusts."""
         self.required = max(min(first_score - settings.margin, settings.enough_score), settings.least_score)
-        self.is_known = first_score >= settings.least_score
+        self.is_known = trusted and first_score >= settings.least_score
         self.rejected: set[int] = set()
         self._refuted: list[FloatArray] = []
         self._query = query

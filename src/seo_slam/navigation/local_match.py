@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from seo_slam.abstraction.abstract_map import Anchor
+from seo_slam.abstraction.abstract_map import Anchor, Place
 from seo_slam.geometry import FloatArray
 from seo_slam.navigation.outcomes import Candidate
 from seo_slam.navigation.query import cosine
@@ -74,6 +74,13 @@ def stood_beside(anchor: Anchor, candidate: Candidate) -> bool:
 def look_at_z_m(anchor: Anchor, candidate: Candidate) -> float:
     """Return the height at which a candidate is to be looked for: the anchor's top, or near the floor for what stood beside it."""
     return min(anchor.support_z_m, anchor.z_range_m[0] + _LOW_M) if stood_beside(anchor, candidate) else anchor.support_z_m
+
+
+def place_of(anchor: Anchor, candidate: Candidate) -> Place | None:
+    """Return where what made an anchor a candidate was seen last; None where the anchor itself did, or the map does not know."""
+    if not candidate.volatile:
+        return None
+    return next((v.place for v in anchor.volatiles if v.label == candidate.because and v.place is not None), None)
 
 
 def center_of(landmark: Landmark) -> FloatArray:

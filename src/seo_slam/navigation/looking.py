@@ -5,7 +5,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from seo_slam.abstraction.abstract_map import Anchor, Layout
+from seo_slam.abstraction.abstract_map import Anchor, Layout, Place
+from seo_slam.abstraction.horizon import shows
 from seo_slam.abstraction.room_finding import room_of
 from seo_slam.camera import Camera
 from seo_slam.geometry import FloatArray
@@ -76,6 +77,7 @@ def viewpoints(
     layout: Layout,
     before: Sequence[FloatArray] = (),
     z_m: float | None = None,
+    last_seen: Place | None = None,
 ) -> FloatArray:
     """Return (N, 2) places on the free floor to look at an anchor from, best first, connected with where the robot is.
 
@@ -90,6 +92,7 @@ def viewpoints(
         layout: its walls and rooms.
         before: places it was looked at from; another one is from another side.
         z_m: height that is to be in view; None: that of its top.
+        last_seen: where on it something was seen last: that is to be near, and neither the anchor nor a wall before it.
     """
     low, high = anchor.bounds_world
     xy = _free_around(low - _FARTHEST_M, high + _FARTHEST_M, _STEP_M, grid)
@@ -99,6 +102,10 @@ def viewpoints(
     kept = (away <= _FARTHEST_M) & _from_another_side(xy, anchor.xy_world, before)
     xy, away = xy[kept], away[kept]
     cost = _TOO_NEAR * np.maximum(best_m - away, 0.0) + _TOO_FAR * np.maximum(away - best_m, 0.0)
+    if last_seen is not None:
+        target = last_seen.p_world[:2]
+        cost += _TOO_FAR * (np.linalg.norm(xy - target, axis=1) - away)  # what is of the anchor between its near edge and the place
+        cost += _HIDDEN * (~shows(last_seen, xy, eye.z_m) | (_walls_m(xy, target, layout, (low, high)) > _WALL_CELLS * layout.cell_m))
     cost += _WAY * np.linalg.norm(xy - from_xy, axis=1) + _HIDDEN * hidden_share(xy, anchor, layout)
     room = room_of(layout, anchor.footprint_world)
     if room:

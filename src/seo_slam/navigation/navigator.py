@@ -15,9 +15,9 @@ from seo_slam.navigation.local_match import center_of
 from seo_slam.navigation.looking import what_hides
 from seo_slam.navigation.memory import Memory
 from seo_slam.navigation.motion import stop
-from seo_slam.navigation.outcomes import Candidate, Command, Ending, Outcome
+from seo_slam.navigation.outcomes import Candidate, Command, Ending, Outcome, anchor_name
 from seo_slam.navigation.parts import Abstracting, Grid, Mapper, Planner, Updating
-from seo_slam.navigation.query import Query, candidates, parsed
+from seo_slam.navigation.query import Query, candidates, parsed, with_hints
 from seo_slam.navigation.search import Search
 from seo_slam.navigation.selection import Selection
 from seo_slam.navigation.senses import Senses
@@ -197,19 +197,30 @@ class Navigator:
         rows = candidates(abstract_map, feature, room=query.room)
         if not rows:
             return self._answer("not_found", f"the map has no furniture in the {query.room}")
-        first = rows[0]
-        self._unknown = _not_known(abstract_map, query, first) if first.score < self.settings.least_score else ""
+        trusted = rows[0].score >= self.settings.least_score
+        hinted = None if trusted else self._hinted(abstract_map, query, feature)
+        self._unknown = "" if trusted or hinted is not None else _not_known(abstract_map, query, rows[0])
+        abstract_map, rows = hinted or (abstract_map, rows)
         if self._unknown and self.settings.unknown == "answer":
             return self._answer("not_found", self._unknown)
         settings, senses, ways = self.settings, self._senses, self._ways
         senses.restart(abstract_map.anchors)
         memory = Memory(abstract_map, senses, settings, self._abstracting, self._updating)
-        judge = Judge(query, feature, first.score, senses, settings)
+        judge = Judge(query, feature, rows[0].score, senses, settings, trusted)
         selection = Selection(query, feature, memory, judge, senses, ways, settings, self._seed)
         self._memory = memory
         self._search = Search(query, feature, judge, memory, selection, senses, ways, settings, self._note, self._grow_floor)
         self._commands = self._search.commands()
         return None
+
+    def _hinted(self, abstract_map: AbstractMap, query: Query, feature: FloatArray) -> tuple[AbstractMap, tuple[Candidate, ...]] | None:
+        """The map with its hints, and the candidates, if one of those is like the query."""
+        hinted = with_hints(abstract_map)
+        rows = candidates(hinted, feature, room=query.room)
+        if rows[0].score < self.settings.least_score:
+            return None
+        self._note(f"the map is not sure of a {rows[0].because} that was seen at the {_name(hinted, rows[0])} ({rows[0].score:.2f})")
+        return hinted, rows
 
     def _finish(self, ending: Ending, reason: str) -> Command:
         unlike = _unlike(self.abstract_map, self._mapper)  # only now: before its first frame a mapper may not know how it makes features
@@ -247,10 +258,13 @@ class Navigator:
 
 
 def _not_known(abstract_map: AbstractMap, query: Query, best: Candidate) -> str:
-    anchor = next(anchor for anchor in abstract_map.anchors if anchor.id == best.anchor_id)
-    where = f"{anchor.label or 'thing without a name'} {anchor.id}"
+    where = _name(abstract_map, best)
     thing = f"{best.because or 'thing without a name'} at the {where}" if best.volatile else where
     return f"the map knows nothing like {query.words!r}; the best it has is the {thing} ({best.score:.2f})"
+
+
+def _name(abstract_map: AbstractMap, candidate: Candidate) -> str:
+    return next(anchor_name(anchor.label, anchor.id) for anchor in abstract_map.anchors if anchor.id == candidate.anchor_id)
 
 
 def _unlike(abstract_map: AbstractMap, mapper: Mapper) -> str:

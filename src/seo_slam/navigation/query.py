@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -68,6 +68,12 @@ def candidates(
     wanted = [anchor for anchor in abstract_map.anchors if anchor.id not in exclude and _is_in(abstract_map, anchor, room)]
     scored = [_candidate(anchor, np.asarray(feature, dtype=np.float64)) for anchor in wanted]
     return tuple(sorted(scored, key=lambda candidate: (-candidate.score, candidate.anchor_id)))
+
+
+def with_hints(abstract_map: AbstractMap) -> AbstractMap:
+    """Return the map in which what is not trusted counts like what is."""
+    anchors = (replace(anchor, volatiles=(*anchor.volatiles, *anchor.hints), hints=()) for anchor in abstract_map.anchors)
+    return replace(abstract_map, anchors=tuple(anchors))
 
 
 def cosine(rows: FloatArray, feature: FloatArray) -> FloatArray:

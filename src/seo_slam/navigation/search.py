@@ -8,7 +8,7 @@ from seo_slam.abstraction.abstract_map import Anchor
 from seo_slam.errors import NoPathError
 from seo_slam.geometry import FloatArray
 from seo_slam.navigation.judging import Judge
-from seo_slam.navigation.local_match import Match, box_of, center_of, is_at, look_at_z_m
+from seo_slam.navigation.local_match import Match, box_of, center_of, is_at, look_at_z_m, place_of
 from seo_slam.navigation.looking import all_around, heading_to, headings_over, in_sight, legs_to_look, nearest_turn
 from seo_slam.navigation.memory import Memory
 from seo_slam.navigation.moves import Moves, Walked
@@ -120,7 +120,13 @@ class Search:
         anchor = self._memory.anchor(candidate.anchor_id)
         self._log(f"to the {anchor.label} {anchor.id} because of the {candidate.because} ({candidate.score:.2f})")
         try:
-            path = self._ways.to_see(anchor, self._senses.eye, self._senses.stance.xy_world, z_m=look_at_z_m(anchor, candidate))
+            path = self._ways.to_see(
+                anchor,
+                self._senses.eye,
+                self._senses.stance.xy_world,
+                z_m=look_at_z_m(anchor, candidate),
+                last_seen=place_of(anchor, candidate),
+            )
         except NoPathError as error:
             self._memory.done_with(anchor, looked_at=False)
             self._note(candidate, False, None, f"no path: {error}")

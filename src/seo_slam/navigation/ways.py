@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from seo_slam.abstraction.abstract_map import Anchor, Layout
+from seo_slam.abstraction.abstract_map import Anchor, Layout, Place
 from seo_slam.abstraction.joined_layouts import joined
 from seo_slam.errors import NoPathError
 from seo_slam.geometry import FloatArray
@@ -54,7 +54,13 @@ class Ways:
         return True
 
     def to_see(
-        self, anchor: Anchor, eye: Eye, from_xy: FloatArray, before: Sequence[FloatArray] = (), z_m: float | None = None
+        self,
+        anchor: Anchor,
+        eye: Eye,
+        from_xy: FloatArray,
+        before: Sequence[FloatArray] = (),
+        z_m: float | None = None,
+        last_seen: Place | None = None,
     ) -> FloatArray:
         """Return a path (N, 2) to a place from which an anchor's top is seen.
 
@@ -64,11 +70,12 @@ class Ways:
             from_xy: (2,) where the robot is.
             before: places that it was looked at from.
             z_m: height that is to be in view; None: that of its top.
+            last_seen: where on it something was seen last.
 
         Raises:
             NoPathError: there is no such place, or no way leads to any.
         """
-        places = viewpoints(anchor, eye, from_xy, self.grid, self.layout, before, z_m)
+        places = viewpoints(anchor, eye, from_xy, self.grid, self.layout, before, z_m, last_seen)
         if not len(places):
             raise NoPathError(f"no free floor from which the {anchor.label} {anchor.id} is seen can be come to")
         paths: list[tuple[float, FloatArray]] = []

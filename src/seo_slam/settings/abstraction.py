@@ -30,6 +30,12 @@ class AbstractionSettings(Settings):
     large_height_m: float = Field(0.4, ge=0, description="and its height at least this")
     large_most_m: float = Field(3.0, gt=0, description="and no side is longer than this: that would be a wall")
 
+    small_side_m: float = Field(
+        0.4,
+        ge=0,
+        description="what is smaller, is in no list of static things and is on or in an anchor is none itself, whatever it is like",
+    )
+
     relations: tuple[Literal["on", "in", "next to"], ...] = Field(
         ("on", "in", "next to"), description='which ways of belonging to an anchor count, first come first; the paper: ("on",)'
     )
@@ -42,6 +48,10 @@ class AbstractionSettings(Settings):
     in_enclosed: float = Field(0.5, ge=0, le=1, description="in: share of the directions around it in which there is anchor")
     next_to_m: float = Field(0.3, ge=0, description="next to: gap between the footprints")
     next_to_height_m: float = Field(0.1, ge=0, description="next to: its height range may miss the anchor's by so much")
+
+    hint_observations: int = Field(
+        3, ge=1, description="what is not trusted is kept as a hint on its anchor if it has a word and was observed so often"
+    )
 
     footprint_voxel_m: float = Field(0.05, gt=0, description="one point of a footprint, the mean, a square of this side")
 
