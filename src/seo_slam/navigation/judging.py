@@ -95,9 +95,10 @@ class Judge:
         place = center_of(match.landmark)
         rows = ranked(self._senses.landmarks, self._feature)
         here = [row for row in rows if row.landmark.id == match.landmark.id]
-        here = here or [row for row in rows if np.linalg.norm(center_of(row.landmark) - place) <= _SAME_THING_M]
-        if not here and not in_view:
-            here = list(ranked([row for row in self._senses.forgotten if row.id == match.landmark.id], self._feature))
+        if not here:
+            near = [row for row in rows if np.linalg.norm(center_of(row.landmark) - place) <= _SAME_THING_M]
+            dropped = [] if in_view else ranked([row for row in self._senses.forgotten if row.id == match.landmark.id], self._feature)
+            here = [*near, *dropped]
         return next((row for row in here if row.score >= least), None)
 
     def _is_at(self, landmark: Landmark, anchor: Anchor, candidate: Candidate | None) -> bool:
