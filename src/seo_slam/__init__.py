@@ -15,7 +15,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from seo_slam.abstraction.abstract_map import AbstractMap, Anchor, Layout, Room, Volatile
+    from seo_slam.abstraction.abstract_map import AbstractMap, Anchor, Layout, Place, Room, Volatile
     from seo_slam.agents.description import DescriptionAgent
     from seo_slam.agents.local_description import LocalDescription
     from seo_slam.agents.local_merging import LocalMerging
@@ -162,6 +162,7 @@ _MODULES = {
         "AbstractMap",
         "Anchor",
         "Layout",
+        "Place",
         "Room",
         "Volatile",
     ),
@@ -186,6 +187,7 @@ _HOME = {name: f"seo_slam.{module}" for module, names in _MODULES.items() for na
 
 __all__ = [  # noqa: RUF022  # by what they are for
     "Pipeline",
+    "Place",
     "Config",
     "Component",
     "StepResult",
