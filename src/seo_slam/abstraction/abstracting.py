@@ -1,6 +1,6 @@
 """The abstract map of a concrete one (DualMap IV-A)."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -47,23 +47,13 @@ def abstract(
     """
     unsure = [row for row in tentative if row.label and row.observations >= settings.hint_observations]
     rows = sorted((*landmarks, *unsure), key=lambda landmark: landmark.id)
-    hint_ids = {row.id for row in unsure}
-    ids = [row.id for row in rows]
+    ids, hint_ids = [row.id for row in rows], {row.id for row in unsure}
     if len(set(ids)) != len(ids):
         raise MapError(f"abstract map: a landmark id is given twice: {ids}")
-    mobility = Mobility(embedder, settings)
     features = features_of(rows, embedder)
     clouds = [_cloud(row) for row in rows]
-    large = [_is_large(cloud, settings) for cloud in clouds]
-    static = [mobility.of_landmark(words_for(row), row.embedding, big) for row, big in zip(rows, large, strict=True)]
+    static = _static(rows, clouds, hint_ids, Mobility(embedder, settings), settings)
     bodies = [_body(cloud, still, settings) for cloud, still in zip(clouds, static, strict=True)]
-    doubtful = [
-        i for i in range(len(rows)) if static[i] and bodies[i].longest_m < settings.small_side_m and not mobility.is_listed(rows[i])
-    ]
-    sure = [Carrier.of(bodies[i], settings) for i, row in enumerate(rows) if static[i] and i not in doubtful and row.id not in hint_ids]
-    for i in doubtful:
-        if is_carried(bodies[i], sure, settings):
-            static[i], bodies[i] = False, _body(clouds[i], False, settings)
     anchors = [i for i, row in enumerate(rows) if static[i] and row.id not in hint_ids]
     carriers = [Carrier.of(bodies[i], settings) for i in anchors]
     volatiles: list[list[Volatile]] = [[] for _ in anchors]
@@ -71,15 +61,29 @@ def abstract(
     for i, row in enumerate(rows):
         related = None if static[i] or not features[i].any() else best_relation(bodies[i], carriers, settings)
         if related is not None:
-            anchor = carriers[related[0]].body
-            place = place_on(0.5 * (bodies[i].low_world + bodies[i].high_world), anchor.p_world)
+            carrier = carriers[related[0]]
+            place = place_on(0.5 * (bodies[i].low_world + bodies[i].high_world), carrier.body.p_world)
             belongs_to = hints if row.id in hint_ids else volatiles
             belongs_to[related[0]].append(Volatile(row.label, features[i], related[1], row.id, place))
-    made = (
-        replace(_anchor(rows[i], features[i], carrier, settings), volatiles=tuple(carried), hints=tuple(unsure_of))
-        for i, carrier, carried, unsure_of in zip(anchors, carriers, volatiles, hints, strict=True)
-    )
-    return AbstractMap(tuple(made), layout, tuple(rooms), embedder.name)
+    made = [_anchor(rows[i], features[i], carrier, settings) for i, carrier in zip(anchors, carriers, strict=True)]
+    carried = zip(made, volatiles, hints, strict=True)
+    whole = (replace(anchor, volatiles=tuple(sure), hints=tuple(not_sure)) for anchor, sure, not_sure in carried)
+    return AbstractMap(tuple(whole), layout, tuple(rooms), embedder.name)
+
+
+def _static(
+    rows: Sequence[Landmark], clouds: Sequence[FloatArray], hint_ids: Collection[int], mobility: Mobility, settings: AbstractionSettings
+) -> list[bool]:
+    """Which landmarks rarely move: by their words and features, but for small ones in no list that are on or in another."""
+    large = [_is_large(cloud, settings) for cloud in clouds]
+    static = [mobility.of_landmark(words_for(row), row.embedding, big) for row, big in zip(rows, large, strict=True)]
+    bodies = {i: _body(cloud, True, settings) for i, cloud in enumerate(clouds) if static[i]}
+    doubtful = [i for i, body in bodies.items() if body.longest_m < settings.small_side_m and not mobility.is_listed(rows[i])]
+    if not doubtful:
+        return static
+    sure = [Carrier.of(body, settings) for i, body in bodies.items() if i not in doubtful and rows[i].id not in hint_ids]
+    carried = {i for i in doubtful if is_carried(bodies[i], sure, settings)}
+    return [still and i not in carried for i, still in enumerate(static)]
 
 
 def _anchor(row: Landmark, feature: FloatArray, carrier: Carrier, settings: AbstractionSettings) -> Anchor:
