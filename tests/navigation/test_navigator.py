@@ -11,9 +11,10 @@ from seo_slam.abstraction.abstract_map import AbstractMap, Volatile
 from seo_slam.errors import ConfigError, MapError, NoPathError, OptimizationError
 from seo_slam.navigation.global_planner import VoronoiPlanner
 from seo_slam.navigation.grid import NavigationGrid
+from seo_slam.navigation.judging import Judge
 from seo_slam.navigation.navigator import Navigator
 from seo_slam.navigation.outcomes import Outcome
-from seo_slam.navigation.search import NOWHERE
+from seo_slam.navigation.search import NOWHERE, Search
 from seo_slam.settings.navigation import NavigationSettings
 
 TABLE, COUNTER, DESK, SHELF = 1, 2, 3, 4
@@ -359,6 +360,26 @@ def test_a_thing_that_came_into_the_home_is_found():
     home = Home(mapped=None, now=DESK)
     assert home.search().found
     assert home.from_mug_m < 1.0
+
+
+@pytest.mark.parametrize(("misses", "found"), [(1, True), (2, False)])
+def test_what_a_look_from_right_before_it_misses_gets_a_second_one(monkeypatch, misses, found):
+    again, face, asked = Judge.again, Search._face, []
+
+    def missing(self, match, in_view=True):
+        asked.append(in_view)
+        return None if len(asked) <= misses else again(self, match, in_view)
+
+    def in_view_from_there(self, target):
+        yield from face(self, target)
+        return True
+
+    monkeypatch.setattr(Judge, "again", missing)
+    monkeypatch.setattr(Search, "_face", in_view_from_there)
+    outcome = Home(attempts=1, look_first=False, views=1).search()
+    assert outcome.found == found
+    assert asked[:2] == [True, True]
+    assert ("turned out to be something else" in outcome.attempts[0].reason) != found
 
 
 def with_mug_as_hint(home, anchor_id):

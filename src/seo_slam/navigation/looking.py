@@ -92,7 +92,7 @@ def viewpoints(
         layout: its walls and rooms.
         before: places it was looked at from; another one is from another side.
         z_m: height that is to be in view; None: that of its top.
-        last_seen: where on it something was seen last: that is to be near, and neither the anchor nor a wall before it.
+        last_seen: where on it something was seen last: neither the anchor nor a wall is to hide that.
     """
     low, high = anchor.bounds_world
     xy = _free_around(low - _FARTHEST_M, high + _FARTHEST_M, _STEP_M, grid)
@@ -104,7 +104,6 @@ def viewpoints(
     cost = _TOO_NEAR * np.maximum(best_m - away, 0.0) + _TOO_FAR * np.maximum(away - best_m, 0.0)
     if last_seen is not None:
         target = last_seen.p_world[:2]
-        cost += _TOO_FAR * (np.linalg.norm(xy - target, axis=1) - away)  # what is of the anchor between its near edge and the place
         cost += _HIDDEN * (~shows(last_seen, xy, eye.z_m) | (_walls_m(xy, target, layout, (low, high)) > _WALL_CELLS * layout.cell_m))
     cost += _WAY * np.linalg.norm(xy - from_xy, axis=1) + _HIDDEN * hidden_share(xy, anchor, layout)
     room = room_of(layout, anchor.footprint_world)

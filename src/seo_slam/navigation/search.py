@@ -254,6 +254,9 @@ class Search:
                 return False, f"no path to the {match.label}: the way is blocked"
             in_view = yield from self._face(target)
             still = self._judge.again(match, in_view) if self._settings.verify else match
+            if still is None and in_view:  # detectors miss things now and then: a second look before it is taken for something else
+                yield from self.moves.dwell()
+                still = self._judge.again(match, in_view)
             if still is None:
                 self._judge.refute(match)
                 return True, f"the {match.label} turned out to be something else"
