@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from boxes_of_points import chair_points, on_box, table_points
 
+from seo_slam.abstraction.abstract_map import Place
 from seo_slam.abstraction.horizon import SECTORS, place_on, shows
 
 SEAT = np.array([0.22, 0.1, 0.5])  # on a chair whose back is at high y, up to 0.9 m
@@ -53,3 +54,8 @@ def test_it_turns_with_the_anchor(turn):
     place = place_on(R @ SEAT, chair_points() @ R.T)
     assert seen_from(place, *(R @ [0.22, -1.5, 0])[:2])
     assert not seen_from(place, *(R @ [0.22, 2.0, 0])[:2])
+
+
+def test_a_horizon_of_a_file_may_have_another_number_of_directions():
+    place = Place(SEAT, np.array([-10.0, -10.0, 5.0, 5.0]))  # south-west, south-east, north-east, north-west
+    assert [seen_from(place, *xy) for xy in ((-2, -2), (2, -2), (2, 2), (-2, 2))] == [True, True, False, False]

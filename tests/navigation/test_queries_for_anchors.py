@@ -130,6 +130,8 @@ def test_a_hint_is_no_candidate_before_it_is_asked_for():
     hinted = replace(source, anchors=(replace(table, volatiles=(), hints=table.volatiles), *source.anchors[1:]))
     best = candidates(hinted, word("mug"))[0]
     assert (best.anchor_id, best.because) != (table.id, "mug")
-    best = candidates(with_hints(hinted), word("mug"))[0]
+    trusting = with_hints(hinted, word("mug"), 0.99)
+    assert [[v.label for v in rows] for rows in (trusting.anchors[0].volatiles, trusting.anchors[0].hints)] == [["mug"], ["book"]]
+    best = candidates(trusting, word("mug"))[0]
     assert (best.anchor_id, best.because, best.volatile) == (table.id, "mug", True)
     assert best.score == pytest.approx(1.0)

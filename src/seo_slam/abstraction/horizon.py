@@ -25,7 +25,7 @@ def place_on(middle_world: FloatArray, p_anchor_world: FloatArray) -> Place:
     away_m = np.linalg.norm(way[:, :2], axis=1)
     around = away_m > _OWN_M
     slopes = np.full(SECTORS, _OPEN)
-    np.maximum.at(slopes, _sector(way[around, :2]), way[around, 2] / away_m[around])
+    np.maximum.at(slopes, _sector(way[around, :2], SECTORS), way[around, 2] / away_m[around])
     return Place(np.asarray(middle_world, dtype=np.float64), slopes)
 
 
@@ -33,9 +33,9 @@ def shows(place: Place, xy_world: FloatArray, z_m: float) -> BoolArray:
     """Return (N,) whether the anchor leaves the place in sight of an eye at points (N, 2) and a height."""
     way = np.asarray(xy_world, dtype=np.float64) - place.p_world[:2]
     slope = (z_m - place.p_world[2]) / np.maximum(np.linalg.norm(way, axis=1), 1e-9)
-    return np.asarray(slope > place.horizon[_sector(way)])
+    return np.asarray(slope > place.horizon[_sector(way, len(place.horizon))])
 
 
-def _sector(way: FloatArray) -> IntArray:
+def _sector(way: FloatArray, sectors: int) -> IntArray:
     bearings = np.arctan2(way[:, 1], way[:, 0])
-    return np.asarray(np.floor((bearings + np.pi) / (2.0 * np.pi) * SECTORS).astype(np.int64) % SECTORS)
+    return np.asarray(np.floor((bearings + np.pi) / (2.0 * np.pi) * sectors).astype(np.int64) % sectors)

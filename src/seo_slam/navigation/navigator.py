@@ -214,8 +214,8 @@ class Navigator:
         return None
 
     def _hinted(self, abstract_map: AbstractMap, query: Query, feature: FloatArray) -> tuple[AbstractMap, tuple[Candidate, ...]] | None:
-        """The map with its hints, and the candidates, if one of those is like the query."""
-        hinted = with_hints(abstract_map)
+        """The map with those of its hints that are like the query, and the candidates; None if there is no such hint."""
+        hinted = with_hints(abstract_map, feature, self.settings.least_score)
         rows = candidates(hinted, feature, room=query.room)
         if rows[0].score < self.settings.least_score:
             return None

@@ -70,10 +70,16 @@ def candidates(
     return tuple(sorted(scored, key=lambda candidate: (-candidate.score, candidate.anchor_id)))
 
 
-def with_hints(abstract_map: AbstractMap) -> AbstractMap:
-    """Return the map in which what is not trusted counts like what is."""
-    anchors = (replace(anchor, volatiles=(*anchor.volatiles, *anchor.hints), hints=()) for anchor in abstract_map.anchors)
-    return replace(abstract_map, anchors=tuple(anchors))
+def with_hints(abstract_map: AbstractMap, feature: FloatArray, least_score: float) -> AbstractMap:
+    """Return the map in which what is not trusted, and scores at least so much for a query's feature (D,), counts like what is."""
+
+    def hinted(anchor: Anchor) -> Anchor:
+        like = [cosine(hint.feature[None], feature)[0] >= least_score for hint in anchor.hints]
+        sought = tuple(hint for hint, is_like in zip(anchor.hints, like, strict=True) if is_like)
+        rest = tuple(hint for hint, is_like in zip(anchor.hints, like, strict=True) if not is_like)
+        return replace(anchor, volatiles=(*anchor.volatiles, *sought), hints=rest)
+
+    return replace(abstract_map, anchors=tuple(hinted(anchor) for anchor in abstract_map.anchors))
 
 
 def cosine(rows: FloatArray, feature: FloatArray) -> FloatArray:
