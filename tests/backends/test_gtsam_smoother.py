@@ -341,3 +341,14 @@ def test_it_cannot_start_twice():
     smoother, _ = drive(2)
     with pytest.raises(OptimizationError, match="x0"):
         smoother.start(T_WORLD_FIRST, FIRST)
+
+
+def test_a_long_way_straight_on_is_solved():
+    """Poses grow ever less certain on a way without loops; Cholesky factors gave up after 200 m of it."""
+    smoother = GtsamSmoother()
+    smoother.start(np.eye(4), np.diag([(0.05 * np.pi / 180) ** 2] * 3 + [1e-6] * 3))
+    forward = Motion(exp([0, 0, 0, 0, 0, 0.25]), np.diag([3.5e-3**2] * 3 + [5.8e-3**2] * 3))
+    nothing = measured(0, [])
+    for _ in range(1600):
+        estimate = smoother.update(forward, nothing, ids())
+    np.testing.assert_allclose(estimate.T_world_camera[:3, 3], [0, 0, 400.0], atol=1e-6)

@@ -13,7 +13,7 @@ from seo_slam.mapping.status_checks import StatusChecks
 from seo_slam.settings.concrete import StatusSettings
 from seo_slam.settings.observing import CloudSettings
 from seo_slam.testing.worlds import T_WORLD_FIRST, TINY_CAMERA, tiny_observations
-from seo_slam.types import Motion
+from seo_slam.types import Landmarks, Motion
 
 AT = np.array([1.2, 0.2, 0.8])
 
@@ -21,12 +21,17 @@ AT = np.array([1.2, 0.2, 0.8])
 class CheckedMap:
     """``see`` takes one keyframe's observations: (landmark id or None for a new one, place, word or None), an id as often as one likes."""
 
-    def __init__(self, smoother=None, named_share=1 / 3, noise_at_1m_m=0.0, **settings):
+    def __init__(self, smoother=None, named_share=1 / 3, noise_at_1m_m=0.0, before=None, **settings):
+        """``before`` is a landmark of a map that is continued."""
         clouds = CloudSettings(enabled=True, named_share=named_share, noise_at_1m_m=noise_at_1m_m)
         self.objects = ObjectMap(MapSettings(), embedding_size=8, clouds=clouds)
         self.checks = StatusChecks(StatusSettings(**settings), self.objects, HashedEmbedder(size=8))
         self.smoother = smoother or GivenPosesSmoother()
-        self.smoother.start(T_WORLD_FIRST, 1e-6 * np.eye(6))
+        old = None
+        if before is not None:
+            self.objects.restore(before, T_WORLD_FIRST)
+            old = Landmarks.from_rows([before], 8)
+        self.smoother.start(T_WORLD_FIRST, 1e-6 * np.eye(6), old)
         self.keyframes = 0
 
     def see(self, *seen, period_s=0.5, half_m=0.05, feature=None, thick=1.0, placed=True):

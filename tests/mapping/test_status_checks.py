@@ -418,3 +418,22 @@ def test_each_half_of_a_split_has_its_own_sightings_and_surface():
         assert 0 < one.sightings.hits <= one.observations < world.keyframes + 1
         assert np.abs(one.surface()).max() < 0.1
         assert one.looks == []
+
+
+@pytest.mark.parametrize(("state", "stays"), [("stable", True), ("tentative", False)])
+def test_what_a_continued_map_trusted_is_not_doubted_unseen(state, stays):
+    """Other presets trust what was seen three times; here eight are wanted."""
+    landmark = replace(make_landmark(0), observations=3, state=state, last_seen_s=0.0, position_m=ELSEWHERE)
+    world = CheckedMap(observations=8, silent_keyframes=10, silent_seconds=2.0, background=(), before=landmark)
+    world.see((None, AT, "book"))
+    watched(world, 20, (1, AT, "book"))
+    assert world.ids() == ([0, 1] if stays else [1])
+
+
+def test_silence_is_not_waited_for_by_the_clock_of_another_day():
+    """The stamps of a continued map may be later than those of the recording that goes on with it."""
+    landmark = replace(make_landmark(0), observations=2, state="tentative", last_seen_s=1.7e9, position_m=ELSEWHERE)
+    world = CheckedMap(observations=8, silent_keyframes=10, silent_seconds=5.0, background=(), before=landmark)
+    world.see((None, AT, "book"))
+    watched(world, 20, (1, AT, "book"))
+    assert world.ids() == [1]

@@ -335,3 +335,16 @@ def test_a_mask_that_ends_at_something_nearer_is_cut_there():
     assert not plain.truncated.any()
     assert seen.cov_camera[0, 0, 0] > 4 * plain.cov_camera[0, 0, 0]
     assert squared_distance(seen, 0, np.array([0.0, 0.0, 1.4])) < 11.3
+
+
+@pytest.mark.parametrize("width_px", [2, 4, 8, 14])
+def test_a_broom_is_placed_though_it_fills_little_of_its_box(width_px):
+    v, u = np.mgrid[:240, :320]
+    broom = (np.abs(1.2 * (u - 75) - (v - 30)) <= 0.5 * width_px * np.hypot(1.2, 1.0)) & (v >= 30) & (v < 210)
+    depth = nearer(plane(CAMERA, 2.0), plane(CAMERA, 1.5), broom)
+    seen, warnings = lift(noisy(depth), box_of(broom), masks=[broom])
+    assert len(seen) == 1
+    assert warnings == ()
+    assert seen.p_camera[0, 2] == pytest.approx(1.5, abs=0.02)
+    found = seen.clouds[0]
+    assert np.ptp(found[:, 0]) > 0.8 * 150 / 260 * 1.5

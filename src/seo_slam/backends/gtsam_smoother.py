@@ -70,6 +70,7 @@ class GtsamSmoother:
         parameters = gtsam.ISAM2Params()
         parameters.setRelinearizeThreshold(0.01)
         parameters.relinearizeSkip = 1
+        parameters.setFactorization("QR")  # Cholesky squares the spread of the information: a straight way of 200 m is enough to fail
         self._isam = gtsam.ISAM2(parameters)
         self._keyframes = 0
         self._landmarks: dict[int, _LandmarkFactors] = {}
@@ -303,6 +304,7 @@ class GtsamSmoother:
         self._positions = self._carried = None
         try:
             result = self._isam.update(self._new_graph, self._new_values, remove_indices)
+            newest = self._isam.calculateEstimatePose3(X(self._keyframes - 1))
         except RuntimeError as error:
             raise OptimizationError(f"keyframe {self._keyframes - 1}: GTSAM could not solve the graph: {error}") from error
         for record, index in zip(self._new_records, result.getNewFactorsIndices(), strict=True):
@@ -311,8 +313,7 @@ class GtsamSmoother:
         self._new_graph = gtsam.NonlinearFactorGraph()
         self._new_values = gtsam.Values()
         self._new_records = []
-        # Removals and merges move the newest pose, too.
-        self._T_last = require_transform(self._isam.calculateEstimatePose3(X(self._keyframes - 1)).matrix(), "estimated pose")
+        self._T_last = require_transform(newest.matrix(), "estimated pose")  # removals and merges move the newest pose, too
 
     def _settle(self) -> None:
         """Relinearise what a change of hands has moved far, until nothing moves far any more."""

@@ -33,6 +33,7 @@ class ObservationRecord:
         words: the word of each observation, oldest first (after a merge: those of the one that stays first).
         keyframes: the number of the keyframe of each; ``RESTORED`` of those that a continued map knew of.
         last_keyframe: the newest of them.
+        is_restored: it began in a map that is continued, or was joined with one that did.
     """
 
     def __init__(self, settings: CloudSettings) -> None:
@@ -46,7 +47,7 @@ class ObservationRecord:
         self._newest: _NewestWords | None = None  # of both lists; None: to be read off them
         self._clouds: dict[str, KeyframedCloud] = {}
         self._features: dict[str, FloatArray] = {}
-        self._is_restored = False
+        self.is_restored = False
         self._parts: list[Cloud] = []
         self._whole = _NO_POINTS
 
@@ -58,7 +59,7 @@ class ObservationRecord:
         run that was killed leaves no clouds) is taken for its box.
         """
         record = cls(settings)
-        record._is_restored = True
+        record.is_restored = True
         counts = _counts_of(landmark.labels, landmark.observations) or {NULL: landmark.observations}
         record.words = [word for word, times in counts.items() for _ in range(times)]
         record.keyframes = [RESTORED] * len(record.words)
@@ -152,7 +153,7 @@ class ObservationRecord:
 
         0 where that is not known: points of a continued map are tied to its first keyframe, wherever they were seen from.
         """
-        first = 1 if self._is_restored else 0
+        first = 1 if self.is_restored else 0
         depths_m = np.concatenate([np.zeros(0), *(cloud.p_keyframe[cloud.keyframe >= first, 2] for cloud in self._clouds.values())])
         sigma_at_1m_m = self._settings.noise_at_1m_m / NOISE_SIGMAS
         return float(np.sqrt(12.0) * sigma_at_1m_m * np.median(depths_m) ** 2) if len(depths_m) else 0.0
@@ -186,7 +187,7 @@ class ObservationRecord:
         pairs = list(zip(self.words, self.keyframes, strict=True))
         out.words, out.keyframes = [w for w, _ in pairs if w in words], [k for w, k in pairs if w in words]
         self.words, self.keyframes = [w for w, _ in pairs if w not in words], [k for w, k in pairs if w not in words]
-        out._joined, out._is_restored = self._joined.copy(), self._is_restored
+        out._joined, out.is_restored = self._joined.copy(), self.is_restored
         self._recount()
         out._recount()
         for word in words:
@@ -199,7 +200,7 @@ class ObservationRecord:
         """Append the observations of another record; its words and those that are here are joined from now on."""
         across = product(self._counts.keys() - {NULL}, other._counts.keys() - {NULL})
         self._joined |= other._joined | {(min(pair), max(pair)) for pair in across if pair[0] != pair[1]}
-        self._is_restored |= other._is_restored
+        self.is_restored |= other.is_restored
         self.words += other.words
         self.keyframes += other.keyframes
         self._recount()

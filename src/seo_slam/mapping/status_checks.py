@@ -157,13 +157,14 @@ class StatusChecks:
             thing = self._map[landmark_id]
             newest = last if thing.record is None else max(last, thing.record.last_keyframe)  # also of what was merged into it
             long_ago = self._keyframe - newest > self._settings.silent_keyframes
-            if long_ago and now_s - thing.last_seen_s >= self._settings.silent_seconds and not self._stays(thing):
+            waits = 0 <= now_s - thing.last_seen_s < self._settings.silent_seconds  # below 0: the clock began anew
+            if long_ago and not waits and not self._stays(thing):
                 events.append(self._remove(thing, smoother))
         return events
 
     def _stays(self, thing: Thing) -> bool:
         """Whether something silent passes, and is a thing; what only an observation can change is remembered."""
-        if self._passed.get(thing.id) == thing.observations:
+        if self._passed.get(thing.id) == thing.observations or _was_trusted(thing):
             return True
         if not self.passes(thing) or (thing.state != "stable" and self._is_judged_background(thing)):
             return False
@@ -251,6 +252,11 @@ class StatusChecks:
         share = overlap_shares(points, clouds, self._settings.merge_distance_m)
         either = np.triu(np.maximum(share, share.T), k=1) > self._settings.merge_overlap
         return [(int(a), int(b)) for a, b in zip(*np.nonzero(either), strict=True)]
+
+
+def _was_trusted(thing: Thing) -> bool:
+    """Whether a continued map holds it for stable, by whatever rules: to see it no more is no reason to doubt it."""
+    return thing.state == "stable" and thing.record is not None and thing.record.is_restored
 
 
 def thickness_m(p_world: FloatArray) -> float:

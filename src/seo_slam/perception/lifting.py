@@ -5,6 +5,7 @@ A box contains background. What belongs to the object is found in depth: pixels 
 one with the most weight is the object. A mask, where there is one, is used as it is, with the same window against its frayed edge.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -75,14 +76,14 @@ def observe(detections: Detections, frame: Frame, settings: LiftingSettings) -> 
 
 
 def _lift(box_px: FloatArray, mask: BoolArray | None, truncated: BoolArray, frame: Frame, settings: LiftingSettings) -> _Lifted | None:
-    uv, depth_m, weight, centre_px = _object_pixels(box_px, mask, frame, settings)
-    if len(depth_m) < settings.min_points:
-        return None
     camera = frame.camera
     side_px = box_px[2:] - box_px[:2]
-    rough_m = float(np.sqrt(np.prod(side_px / (camera.fx, camera.fy)))) * _weighted_median(depth_m, weight)
-    inside = densest_window(depth_m, weight, length_m=float(np.clip(0.5 * rough_m, 0.05, 1.0)))
-    if inside.stop - inside.start < settings.min_points:
+    for step in _grid_steps(box_px, mask, frame, settings):
+        uv, depth_m, weight, centre_px = _object_pixels(box_px, mask, frame, settings, step)
+        inside = _surface(depth_m, weight, side_px, camera)
+        if inside.stop - inside.start >= settings.min_points:
+            break
+    else:
         return None
     surface_m = _weighted_median(depth_m[inside], weight[inside])
     size_m = side_px / (camera.fx, camera.fy) * surface_m
@@ -97,6 +98,31 @@ def _lift(box_px: FloatArray, mask: BoolArray | None, truncated: BoolArray, fram
     )
 
 
+def _grid_steps(box_px: FloatArray, mask: BoolArray | None, frame: Frame, settings: LiftingSettings) -> Iterator[int]:
+    """How many pixels apart to look: as far as suits the box, then nearer by, since a thin mask (a broom) fills little of its box."""
+    x0, y0, x1, y1 = _patch(box_px, frame)
+    step = max(1, int(np.ceil(np.sqrt(max(x1 - x0, 0) * max(y1 - y0, 0) / settings.max_points))))
+    yield step
+    while mask is not None and step > 1:
+        step = (step + 1) // 2
+        yield step
+
+
+def _surface(depth_m: FloatArray, weight: FloatArray, side_px: FloatArray, camera: Camera) -> slice:
+    """Which of the rising depths (M,) are the object's."""
+    if not len(depth_m):
+        return slice(0, 0)
+    rough_m = float(np.sqrt(np.prod(side_px / (camera.fx, camera.fy)))) * _weighted_median(depth_m, weight)
+    return densest_window(depth_m, weight, length_m=float(np.clip(0.5 * rough_m, 0.05, 1.0)))
+
+
+def _patch(box_px: FloatArray, frame: Frame) -> tuple[int, int, int, int]:
+    """Whole pixels of a box in the image: x0, y0, x1, y1."""
+    height, width = frame.depth_m.shape
+    x0, y0 = max(int(np.floor(box_px[0])), 0), max(int(np.floor(box_px[1])), 0)
+    return x0, y0, min(int(np.ceil(box_px[2])), width), min(int(np.ceil(box_px[3])), height)
+
+
 def _behind_m(cloud: FloatArray, size_m: FloatArray) -> float:
     """How far a thing's centre is expected behind its seen surface (M, 3).
 
@@ -108,13 +134,10 @@ def _behind_m(cloud: FloatArray, size_m: FloatArray) -> float:
 
 
 def _object_pixels(
-    box_px: FloatArray, mask: BoolArray | None, frame: Frame, settings: LiftingSettings
+    box_px: FloatArray, mask: BoolArray | None, frame: Frame, settings: LiftingSettings, step: int
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Sample pixels (M, 2) of the box or mask that have depth, by rising depth; also depths (M,), weights (M,), image centre (2,)."""
-    height, width = frame.depth_m.shape
-    x0, y0 = max(int(np.floor(box_px[0])), 0), max(int(np.floor(box_px[1])), 0)
-    x1, y1 = min(int(np.ceil(box_px[2])), width), min(int(np.ceil(box_px[3])), height)
-    step = max(1, int(np.ceil(np.sqrt(max(x1 - x0, 0) * max(y1 - y0, 0) / settings.max_points))))
+    """Every ``step``-th pixel (M, 2) of box or mask that has depth, by rising depth; depths (M,), weights (M,), image centre (2,)."""
+    x0, y0, x1, y1 = _patch(box_px, frame)
     patch = frame.depth_m[y0:y1:step, x0:x1:step]
     usable = (patch > 0) & (patch <= settings.max_depth_m)
     centre_px = 0.5 * (box_px[:2] + box_px[2:])
