@@ -9,7 +9,7 @@ from seo_slam.types import BoolArray
 
 
 def joined(known: Layout, seen: Layout) -> Layout:
-    """Return a layout over the ground of both, in the cells of the first one; its rooms are to be found anew.
+    """Return a layout over the ground of both, in the cells of the first one; what the second adds is of no room yet.
 
     What either calls floor, obstacle or wall is one: a thing that was carried away since stays an obstacle until the place is mapped anew.
 
@@ -32,11 +32,13 @@ def joined(known: Layout, seen: Layout) -> Layout:
         out[chosen[:, 0], chosen[:, 1]] = True
         return out
 
+    rooms = np.zeros(shape, dtype=np.int16)
+    rooms[-low[0] : rows - low[0], -low[1] : columns - low[1]] = known.rooms
     return replace(
         known,
         corner_world=corner,
         walls=both(known.walls, seen.walls),
         obstacles=both(known.obstacles, seen.obstacles),
         floor=both(known.floor, seen.floor),
-        rooms=np.zeros(shape, dtype=np.int16),
+        rooms=rooms,
     )

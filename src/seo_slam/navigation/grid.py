@@ -138,8 +138,8 @@ class NavigationGrid:
         """Return where a robot comes to the large part of the floor from a point (2,) outside of it, or on an island of its own.
 
         The place is of the largest part that can be come to straight within a distance; the nearest of it that the robot comes to without
-        touching what was seen, else the nearest to which its middle does. The point itself where it is of that part already; None where
-        there is no free place so near.
+        touching what was seen, else the nearest to which its middle does; that of a robot which stands in what the map holds for solid
+        may first come out of it. The point itself where it is of that part already; None where no such place is so near.
         """
         xy = np.asarray(xy_world, dtype=np.float64)[:2]
         sizes = np.bincount(self.parts.ravel())
@@ -151,6 +151,8 @@ class NavigationGrid:
         places = places[larger][order]
         found = next((place for place in places if self._passes(xy, place, self._flat_from_solid, self.radius_m - 1e-9)), None)
         found = self._first_past(xy, places) if found is None else np.asarray(found)
+        if found is None and not here:
+            found = next((np.asarray(place) for place in places if self._comes_out(xy, place)), None)
         return xy if found is None and here else found
 
     def _within(self, xy: FloatArray, reach_m: float) -> FloatArray:
@@ -162,6 +164,20 @@ class NavigationGrid:
 
     def _first_past(self, xy: FloatArray, places: FloatArray) -> FloatArray | None:
         return next((np.asarray(place) for place in places if self._passes(xy, place, self._flat_passable, 0.5)), None)
+
+    def _comes_out(self, xy: FloatArray, place: FloatArray) -> bool:
+        """Whether a robot in a solid cell, or off the grid, goes straight to a place without going into anything else; never through a wall."""
+        steps = max(2, int(np.ceil(4.0 * np.linalg.norm(place - xy) / self.cell_m)))
+        points = np.linspace(xy, place, steps)
+        cells = self.layout.cells(points)
+        known = ((cells >= 0) & (cells < self.free.shape)).all(axis=1)
+        solid, wall = np.zeros(steps, dtype=np.bool_), np.zeros(steps, dtype=np.bool_)
+        wall[known] = self.layout.walls[tuple(cells[known].T)]
+        solid[known] = wall[known] | self.layout.obstacles[tuple(cells[known].T)]
+        stands_in = int(np.argmin(solid))  # how many of the points are in what it stands in; the place itself is free
+        own_is_odd = bool(solid[0] or not known[0])
+        near = np.linalg.norm(points[stands_in] - xy) <= self.radius_m + _ESCAPE_CELLS * self.cell_m
+        return own_is_odd and bool(near) and not solid[stands_in:].any() and not (wall.any() and not wall[0])
 
     def _passes(self, a_world: FloatArray, b_world: FloatArray, values: list[float], least: float) -> bool:
         """Whether all cells that a segment goes through have a value of at least so much (Amanatides and Woo 1987).

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from seo_slam.abstraction.abstract_map import Anchor, Place
+from seo_slam.abstraction.abstract_map import Anchor, Place, Volatile
 from seo_slam.geometry import FloatArray
 from seo_slam.navigation.outcomes import Candidate
 from seo_slam.navigation.query import cosine
@@ -67,8 +67,8 @@ def is_at(landmark: Landmark, anchor: Anchor, growth: float, beside_m: float = 0
 
 def stood_beside(anchor: Anchor, candidate: Candidate) -> bool:
     """Whether what made an anchor a candidate stood next to it, not on it."""
-    relations = [volatile.relation for volatile in anchor.volatiles if volatile.label == candidate.because]
-    return candidate.volatile and bool(relations) and all(relation == "next to" for relation in relations)
+    relations = [volatile.relation for volatile in _behind(anchor, candidate)]
+    return bool(relations) and all(relation == "next to" for relation in relations)
 
 
 def look_at_z_m(anchor: Anchor, candidate: Candidate) -> float:
@@ -78,9 +78,14 @@ def look_at_z_m(anchor: Anchor, candidate: Candidate) -> float:
 
 def place_of(anchor: Anchor, candidate: Candidate) -> Place | None:
     """Return where what made an anchor a candidate was seen last; None where the anchor itself did, or the map does not know."""
-    if not candidate.volatile:
-        return None
-    return next((v.place for v in anchor.volatiles if v.label == candidate.because and v.place is not None), None)
+    return next((volatile.place for volatile in _behind(anchor, candidate) if volatile.place is not None), None)
+
+
+def _behind(anchor: Anchor, candidate: Candidate) -> tuple[Volatile, ...]:
+    """The thing that made an anchor a candidate; of what was seen on the way those of its word, any of which it may be."""
+    if candidate.thing is not None or not candidate.volatile:
+        return () if candidate.thing is None else (candidate.thing,)
+    return tuple(volatile for volatile in anchor.volatiles if volatile.label == candidate.because)
 
 
 def center_of(landmark: Landmark) -> FloatArray:

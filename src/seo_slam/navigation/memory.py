@@ -75,13 +75,17 @@ class Memory:
             _LOG.warning("the abstract map stays as it is: %s", error)
         self._senses.coverage.follow(self.map.anchors)
 
+    def forget_hints(self, trusted: AbstractMap) -> None:
+        """End a search that went by hints: what was only hinted at is a hint again, unless it was found, and then is learned."""
+        self.map = self.original = trusted
+
     def _forgetful(self, feature: FloatArray, required: float) -> AbstractMap:
         anchors = []
         for anchor in self.original.anchors:
-            kept = anchor.volatiles
             if anchor.id in self._missing:
-                kept = tuple(v for v in kept if cosine(v.feature[None], feature)[0] < required)
-            anchors.append(replace(anchor, volatiles=kept))
+                unlike = [tuple(v for v in rows if cosine(v.feature[None], feature)[0] < required) for rows in (anchor.volatiles, anchor.hints)]
+                anchor = replace(anchor, volatiles=unlike[0], hints=unlike[1])
+            anchors.append(anchor)
         return replace(self.original, anchors=tuple(anchors))
 
 

@@ -2,6 +2,7 @@
 
 import logging
 from collections.abc import Generator
+from dataclasses import replace
 
 import numpy as np
 
@@ -107,6 +108,7 @@ class Navigator:
         self._search: Search | None = None
         self._memory: Memory | None = None
         self._commands: Generator[Command, None, tuple[Ending, str]] | None = None
+        self._trusted: AbstractMap | None = None
         self._unknown = ""
         self._steps = 0
         self._lines: list[str] = []
@@ -200,6 +202,7 @@ class Navigator:
         trusted = rows[0].score >= self.settings.least_score
         hinted = None if trusted else self._hinted(abstract_map, query, feature)
         self._unknown = "" if trusted or hinted is not None else _not_known(abstract_map, query, rows[0])
+        self._trusted = None if hinted is None else abstract_map
         abstract_map, rows = hinted or (abstract_map, rows)
         if self._unknown and self.settings.unknown == "answer":
             return self._answer("not_found", self._unknown)
@@ -240,10 +243,15 @@ class Navigator:
 
     def _end_search(self) -> None:
         """Keep what the search saw."""
-        if self._commands is not None and self._search is not None:
-            self._commands.close()
-            self._commands = None
-            self._search.learn()
+        if self._commands is None or self._search is None or self._memory is None:
+            return
+        self._commands.close()
+        self._commands = None
+        if self._trusted is not None:
+            self._memory.forget_hints(self._trusted)
+        self._search.learn()
+        if self._ways is not None and self._ways.floor is not None:
+            self._memory.map = replace(self._memory.map, layout=self._ways.floor)
 
     def _grow_floor(self) -> None:
         """Let the ways know of floor that was seen on the way."""

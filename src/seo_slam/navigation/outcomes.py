@@ -5,6 +5,7 @@ from typing import Literal
 
 import numpy as np
 
+from seo_slam.abstraction.abstract_map import Volatile
 from seo_slam.geometry import FloatArray
 
 Ending = Literal["found", "not_found", "no_path", "bad_start", "bad_query", "empty_map", "gave_up"]
@@ -21,12 +22,14 @@ class Candidate:
         score: its score, Eq 5.
         because: the anchor's own word, or that of the volatile thing that scored: for people.
         volatile: the score is that of something on it.
+        thing: which one of those that the map has there; None where it was only seen on the way.
     """
 
     anchor_id: int
     score: float
     because: str
     volatile: bool
+    thing: Volatile | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

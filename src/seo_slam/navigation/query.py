@@ -108,5 +108,6 @@ def _is_in(abstract_map: AbstractMap, anchor: Anchor, room: str | None) -> bool:
 def _candidate(anchor: Anchor, feature: FloatArray) -> Candidate:
     scores = cosine(np.stack([anchor.feature, *(volatile.feature for volatile in anchor.volatiles)]), feature)
     best = int(np.argmax(scores))
-    because = anchor.volatiles[best - 1].label if best else anchor.label
-    return Candidate(anchor.id, float(scores[best]), because, volatile=best > 0)
+    thing = anchor.volatiles[best - 1] if best else None
+    because = anchor.label if thing is None else thing.label
+    return Candidate(anchor.id, float(scores[best]), because, thing is not None, thing)

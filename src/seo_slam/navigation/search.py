@@ -107,7 +107,6 @@ class Search:
             self._grow_floor()
             xy = self._senses.stance.xy_world
             free = self._ways.grid.way_in(xy, _BLIND * reach_m)
-        free = self._ways.grid.nearest_free(xy, reach_m) if free is None else free
         if free is None:
             return False
         if np.linalg.norm(free - xy) > self._settings.reach_m:

@@ -48,7 +48,7 @@ class Selection:
         self._ways = ways
         self._settings = settings
         self._first = candidates(memory.original, feature, room=query.room)
-        draws = np.random.default_rng([seed, *query.text.encode()])
+        draws = np.random.default_rng([seed, *query.text.encode(errors="surrogatepass")])
         self._shuffled = tuple(self._first[int(k)] for k in draws.permutation(len(self._first)))
 
     def next(self) -> Candidate | None:

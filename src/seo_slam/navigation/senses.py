@@ -1,6 +1,7 @@
 """What a navigator knows of the moment: where it is, and what the local concrete map holds of this search."""
 
 import logging
+from collections import Counter
 from collections.abc import Sequence
 
 import numpy as np
@@ -53,7 +54,7 @@ class Senses:
         self.keyframes = 0
         self.coverage.restart(anchors)
         self._started_s: float | None = None
-        self._before: dict[int, int] = {}
+        self._times_seen: Counter[int] = Counter()
         self._nearest_m: dict[int, float] = {}
 
     def take(self, frame: Frame) -> None:
@@ -64,14 +65,13 @@ class Senses:
         """
         if self._started_s is None:
             self._started_s = frame.timestamp_s
-            self._before = {row.id: row.observations for row in self._rows()}
         try:
             result = self._mapper.step(frame)
         except OptimizationError as error:  # the world's failure: the robot waits, it does not die
             _LOG.warning("frame %d: %s", frame.index, error)
             self.lost = True
             return
-        self.lost = result.odometry_status == "lost"
+        self.lost = result.odometry_status == "lost" or not np.isfinite(result.T_world_camera).all()
         if self.lost:
             return
         self.T_world_camera = result.T_world_camera
@@ -81,8 +81,12 @@ class Senses:
             self._take_keyframe(frame, result)
 
     def observations(self, landmark: Landmark) -> int:
-        """Return in how many keyframes of this search a landmark was seen."""
-        return landmark.observations - self._before.get(landmark.id, 0)
+        """Return how often a landmark was seen in this search.
+
+        What the mapper knew before is counted here: its own count is another one after it has merged or split the landmark.
+        """
+        is_new = landmark.first_seen_s >= (self._started_s or 0.0)
+        return landmark.observations if is_new else self._times_seen[landmark.id]
 
     def nearest_m(self, landmark: Landmark) -> float:
         """Return from how near, on the floor, a landmark was seen in this search."""
@@ -99,6 +103,7 @@ class Senses:
         self.forgotten = tuple(row for row in before if row.id not in known)
         for row in self.landmarks:
             if row.last_seen_s >= frame.timestamp_s:
+                self._times_seen[row.id] += 1
                 away_m = float(np.linalg.norm(row.position_m[:2] - self.stance.xy_world))
                 self._nearest_m[row.id] = min(away_m, self.nearest_m(row))
 
