@@ -242,7 +242,7 @@ class MapStore(Protocol):
         ...
 
     def keyframe(self, keyframe_id: int) -> KeyframeRecord:
-        """Return a keyframe as it was committed, but for the observations' clouds, which a store need not keep.
+        """Return a keyframe as it was committed, but for clouds, which a store need not keep, and embeddings, maybe in single precision.
 
         Raises:
             MapError: no such keyframe.
