@@ -185,6 +185,18 @@ def test_split_is_as_if_it_had_been_two_from_the_start(own, robust):
     np.testing.assert_allclose(whole.covariances(ids(3, 8)), apart.covariances(ids(3, 8)), rtol=1e-6)
 
 
+@pytest.mark.parametrize("count", [3, 19, 38])
+def test_two_measurements_of_one_landmark_in_a_keyframe_both_count(count):
+    at_once, one_by_one = started(), started()
+    for k in range(count):
+        seen = measured(T_WORLD_FIRST, k, rows=(0, 2, 0))
+        at_once.update(None, seen, ids(5, 3, 5), robust=False)
+        for row, landmark_id in enumerate((5, 3, 5)):
+            one_by_one.update(None, seen[np.array([row])], ids(landmark_id), robust=False)
+    np.testing.assert_allclose(at_once.positions()[1], one_by_one.positions()[1], atol=1e-9)
+    np.testing.assert_allclose(at_once.covariances(ids(3, 5)), one_by_one.covariances(ids(3, 5)), rtol=1e-6)
+
+
 def test_rename_keeps_place_and_measurements():
     smoother = started()
     drive(smoother, 6, rows=(0, 1))

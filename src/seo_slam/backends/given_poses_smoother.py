@@ -202,9 +202,9 @@ class GivenPosesSmoother:
         slots, upper = self._slots(landmark_ids[which]), rows[which, 3:9]
         residual = rows[which, :3] - self._p_world[slots]
         added = cauchy_weights(residual, upper, rows[which, 9])[:, None, None] * square(upper)
-        self._information[slots] += added
+        np.add.at(self._information, slots, added)  # not +=: several measurements may be of one landmark
         self._cov_world[slots] = np.linalg.inv(self._information[slots])
-        self._p_world[slots] += (self._cov_world[slots] @ added @ residual[..., None])[..., 0]
+        np.add.at(self._p_world, slots, (self._cov_world[slots] @ added @ residual[..., None])[..., 0])
 
     def _renew(self, landmark_ids: list[int]) -> None:
         """Find position and information of landmarks from all their measurements."""
