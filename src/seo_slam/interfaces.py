@@ -225,7 +225,7 @@ class Smoother(Protocol):
         ...
 
     def poses(self) -> FloatArray:
-        """(T, 4, 4) poses ``T_world_camera`` of all keyframes as estimated now."""
+        """(T, 4, 4) poses ``T_world_camera`` of all keyframes as estimated now; maybe read-only, and never changed once given out."""
         ...
 
 

@@ -234,10 +234,25 @@ def test_what_it_returns_can_be_written_to():
     drive(smoother, 3)
     wanted = smoother.positions()[1], smoother.poses(), smoother.covariances(ids(0))
     estimate = smoother.predict(Motion(np.eye(4), MOTION))
-    for array in (*smoother.positions(), smoother.poses(), smoother.covariances(ids(0)), estimate.T_world_camera):
+    for array in (*smoother.positions(), smoother.covariances(ids(0)), estimate.T_world_camera):
         array[:] = 0
     for got, was in zip((smoother.positions()[1], smoother.poses(), smoother.covariances(ids(0))), wanted, strict=True):
         np.testing.assert_array_equal(got, was)
+
+
+def test_poses_are_given_out_without_a_copy_and_stay_as_they_are():
+    smoother, poses = started(), tiny_trajectory(8)
+    steps = [Motion(np.eye(4), MOTION, T_world_camera=poses[k % 8]) for k in range(100)]
+    given_out = [smoother.poses()]
+    for step in steps:
+        smoother.update(step, measured(step.T_world_camera, 0, rows=()), ids())
+        given_out.append(smoother.poses())
+    wanted = np.array([T_WORLD_FIRST, *(step.T_world_camera for step in steps)])
+    for count, got in enumerate(given_out, start=1):
+        np.testing.assert_array_equal(got, wanted[:count])
+    assert np.shares_memory(given_out[-2], given_out[-1])
+    with pytest.raises(ValueError, match="read-only"):
+        given_out[-1][0] = 0.0
 
 
 def test_what_is_no_covariance_is_refused_and_changes_nothing():
