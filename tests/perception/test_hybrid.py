@@ -108,6 +108,14 @@ def test_a_mask_that_is_missing_comes_from_the_masker_only():
     assert found.masks.sum(axis=(1, 2)).tolist() == [20 * 40, 1600]
 
 
+def test_of_two_alike_segments_one_stays_if_only_the_other_is_a_wall():
+    wall, above_half, below_half = (0, 0, 100, 100), (0, 0, 100, 51), (0, 0, 100, 49)
+    segments = Says(rows((None, above_half), (None, below_half)))
+    found = HybridDetector(Says(rows(("wall", wall))), segments, structure="keep").detect(frame())
+    assert found.boxes_px.tolist() == [list(below_half)]
+    assert HybridDetector(Says(rows()), segments, structure="keep").detect(frame()).boxes_px.tolist() == [list(above_half)]
+
+
 def test_walls_among_the_segments_go_by_shape():
     flat_m = np.full((HEIGHT, WIDTH), 3.0)
     flat_m[70:110, 60:100] = 1.5 + 0.2 * np.sin(np.arange(40) / 4.0)[:, None] + 0.2 * np.cos(np.arange(40) / 5.0)[None, :]

@@ -122,11 +122,8 @@ class HybridDetector:
         self._watch(frame, bool(len(segments)))
         segments = self._with_masks(segments, frame)
         segments = Detections(segments.boxes_px, (None,) * len(segments), segments.scores, segments.masks, segments.embeddings)
-        masks = Masks(_masks_of(segments, frame))
-        news = novel(masks, Masks(_masks_of(found, frame)), self._settings)
-        if len(background):  # what lies in a wall's mask may be a thing before it
-            news &= novel(masks, Masks(_masks_of(background, frame)), self._settings.model_copy(update={"novel_share": 1.0}))
-        segments = segments[news]
+        masks, detected, behind = (Masks(_masks_of(part, frame)) for part in (segments, found, background))
+        segments = segments[novel(masks, detected, behind, self._settings)]
         return segments[~self._is_structure(segments, frame)]
 
     def _with_masks(self, found: Detections, frame: Frame) -> Detections:
