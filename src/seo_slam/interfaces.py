@@ -225,7 +225,7 @@ class Smoother(Protocol):
         ...
 
     def poses(self) -> FloatArray:
-        """(T, 4, 4) poses ``T_world_camera`` of all keyframes as estimated now."""
+        """(T, 4, 4) poses ``T_world_camera`` of all keyframes as estimated now; maybe read-only, and never changed once given out."""
         ...
 
 
@@ -242,7 +242,7 @@ class MapStore(Protocol):
         ...
 
     def keyframe(self, keyframe_id: int) -> KeyframeRecord:
-        """Return a keyframe as it was committed, but for the observations' clouds, which a store need not keep.
+        """Return a keyframe as it was committed, but for clouds, which a store need not keep, and embeddings, maybe in single precision.
 
         Raises:
             MapError: no such keyframe.

@@ -112,6 +112,7 @@ class Keeper:
         self._kept_at.update({row.id: p_world[int(np.searchsorted(ids, row.id))] for row in changed})
         for landmark_id in gone:
             self._kept_at.pop(landmark_id, None)
+            self._covariance_of.pop(landmark_id, None)
 
     def _covariances(self, ids: IntArray, keyframe_id: int) -> FloatArray:
         """(N, 3, 3) of landmarks: all anew once one is too old, else only those never asked for."""

@@ -11,6 +11,7 @@ from seo_slam.agents.size_words import size_word
 from seo_slam.agents.word_choice import plain_word, word_doubted
 from seo_slam.association.label_likelihood import LabelLikelihood
 from seo_slam.errors import ConfigError
+from seo_slam.interfaces import ImageEmbedder
 from seo_slam.records import Confirm, Relabel
 from seo_slam.registry import create
 from seo_slam.testing import check_agent
@@ -147,10 +148,13 @@ def test_a_classifier_votes_beside_the_detector():
 
 
 class Vectors:
-    """An image-text embedder in which every picture is a vase."""
+    """An ``ImageEmbedder`` in which every picture is a vase."""
 
-    def embed_image(self, rgb):
-        return np.array([0.0, 1.0])
+    name, size = "vectors", 2
+
+    def embed_image(self, images):
+        assert [image.ndim for image in images] == [3]
+        return np.array([[0.0, 1.0]])
 
     def embed_text(self, texts):
         return np.array([[0.0, 1.0] if "vase" in text else [1.0, 0.0] for text in texts])
@@ -160,6 +164,7 @@ def test_an_image_text_embedder_is_a_classifier():
     scores = EmbeddingClassifier(Vectors()).classify(np.zeros((4, 4, 3), np.uint8), ["cup", "vase"])
     assert scores["vase"] > 0.99
     assert sum(scores.values()) == pytest.approx(1.0)
+    assert isinstance(Vectors(), ImageEmbedder)
     assert EmbeddingClassifier(Vectors()).classify(np.zeros((4, 4, 3), np.uint8), []) == {}
 
 

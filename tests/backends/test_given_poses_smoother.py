@@ -185,6 +185,18 @@ def test_split_is_as_if_it_had_been_two_from_the_start(own, robust):
     np.testing.assert_allclose(whole.covariances(ids(3, 8)), apart.covariances(ids(3, 8)), rtol=1e-6)
 
 
+@pytest.mark.parametrize("count", [3, 19, 38])
+def test_two_measurements_of_one_landmark_in_a_keyframe_both_count(count):
+    at_once, one_by_one = started(), started()
+    for k in range(count):
+        seen = measured(T_WORLD_FIRST, k, rows=(0, 2, 0))
+        at_once.update(None, seen, ids(5, 3, 5), robust=False)
+        for row, landmark_id in enumerate((5, 3, 5)):
+            one_by_one.update(None, seen[np.array([row])], ids(landmark_id), robust=False)
+    np.testing.assert_allclose(at_once.positions()[1], one_by_one.positions()[1], atol=1e-9)
+    np.testing.assert_allclose(at_once.covariances(ids(3, 5)), one_by_one.covariances(ids(3, 5)), rtol=1e-6)
+
+
 def test_rename_keeps_place_and_measurements():
     smoother = started()
     drive(smoother, 6, rows=(0, 1))
@@ -222,10 +234,25 @@ def test_what_it_returns_can_be_written_to():
     drive(smoother, 3)
     wanted = smoother.positions()[1], smoother.poses(), smoother.covariances(ids(0))
     estimate = smoother.predict(Motion(np.eye(4), MOTION))
-    for array in (*smoother.positions(), smoother.poses(), smoother.covariances(ids(0)), estimate.T_world_camera):
+    for array in (*smoother.positions(), smoother.covariances(ids(0)), estimate.T_world_camera):
         array[:] = 0
     for got, was in zip((smoother.positions()[1], smoother.poses(), smoother.covariances(ids(0))), wanted, strict=True):
         np.testing.assert_array_equal(got, was)
+
+
+def test_poses_are_given_out_without_a_copy_and_stay_as_they_are():
+    smoother, poses = started(), tiny_trajectory(8)
+    steps = [Motion(np.eye(4), MOTION, T_world_camera=poses[k % 8]) for k in range(100)]
+    given_out = [smoother.poses()]
+    for step in steps:
+        smoother.update(step, measured(step.T_world_camera, 0, rows=()), ids())
+        given_out.append(smoother.poses())
+    wanted = np.array([T_WORLD_FIRST, *(step.T_world_camera for step in steps)])
+    for count, got in enumerate(given_out, start=1):
+        np.testing.assert_array_equal(got, wanted[:count])
+    assert np.shares_memory(given_out[-2], given_out[-1])
+    with pytest.raises(ValueError, match="read-only"):
+        given_out[-1][0] = 0.0
 
 
 def test_what_is_no_covariance_is_refused_and_changes_nothing():

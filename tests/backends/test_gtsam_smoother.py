@@ -276,6 +276,13 @@ def test_poses_are_one_a_keyframe():
         assert smoother.poses().shape == (k, 4, 4)
 
 
+def test_poses_are_those_of_the_keyframes_one_by_one():
+    assert GtsamSmoother().poses().shape == (0, 4, 4)
+    smoother, _ = drive(12)
+    one_by_one = [smoother._isam.calculateEstimatePose3(X(k)).matrix() for k in range(12)]
+    np.testing.assert_array_equal(smoother.poses(), one_by_one)
+
+
 def test_keyframes_without_measurements_follow_odometry():
     smoother = GtsamSmoother()
     smoother.start(T_WORLD_FIRST, FIRST)

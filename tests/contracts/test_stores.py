@@ -9,7 +9,8 @@ import pytest
 from seo_slam import registry
 from seo_slam.backends.memory_store import MemoryStore
 from seo_slam.errors import FrameError
-from seo_slam.testing.store import check_store, make_landmark, make_record
+from seo_slam.records import Amendment
+from seo_slam.testing.store import check_store, make_edit, make_landmark, make_record
 
 
 @pytest.fixture(params=["memory", "sqlite"])
@@ -155,3 +156,32 @@ def test_clouds_are_not_kept(make_store):
     with make_store() as store:
         store.commit(make_record(0, (1, 2)))
         assert [cloud.shape for cloud in store.keyframe(0).observations.clouds] == [(0, 3), (0, 3)]
+
+
+def test_clouds_of_landmarks_are_not_kept_and_all_embeddings_in_single_precision(make_store):
+    features = np.random.default_rng(5).normal(size=(3, 8))
+    landmark = replace(make_landmark(1), embedding=features[0], cloud_world=np.ones((500, 3)))
+    record = make_record(0, (1, 1), (landmark,), edits=(make_edit(before=(landmark,)),))
+    with make_store() as store:
+        store.commit(replace(record, observations=replace(record.observations, embeddings=features[1:])))
+        kept = store.keyframe(0)
+        measured = store.observations(1)[1].embeddings
+        store.amend(Amendment(0, (landmark,), (), (), (make_edit(before=(landmark,)),)))
+        rows = [*kept.landmarks, *kept.edits[0].before, *store.landmarks(), *(row for edit in store.edits() for row in edit.before)]
+    assert [len(row.cloud_world) for row in rows] == [0] * 5
+    rounded = features.astype(np.float32).astype(np.float64)
+    for got, wanted in [(row.embedding, rounded[0]) for row in rows] + [
+        (kept.observations.embeddings, rounded[1:]),
+        (measured, rounded[1:]),
+    ]:
+        assert got.dtype == np.float64
+        assert np.array_equal(got, wanted)
+
+
+def test_an_embedding_that_stays_as_it_was_takes_no_memory_again():
+    store = MemoryStore()
+    for keyframe_id in range(2):
+        store.commit(make_record(keyframe_id, (1,), (make_landmark(1, version=keyframe_id),)))
+    kept = [store._keyframes[keyframe_id] for keyframe_id in range(2)]
+    assert kept[0].landmarks[0].embedding is kept[1].landmarks[0].embedding
+    assert {record.observations.embeddings.dtype for record in kept} == {np.dtype(np.float32)}

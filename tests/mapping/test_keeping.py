@@ -67,6 +67,13 @@ def test_what_an_edit_took_out_of_the_map_leaves_the_store(kept):
     assert [edit.kind for edit in kept.store.keyframe(1).edits] == ["remove"]
 
 
+def test_nothing_is_remembered_of_what_left_the_map(kept):
+    kept.keeper.amend(0, [kept.apply(Merge(0, kept.version(0), 1, kept.version(1)))], ())
+    assert [list(known) for known in (kept.keeper._kept_at, kept.keeper._covariance_of)] == [[0], [0]]
+    kept.keep(1, [kept.apply(Remove(0, kept.version(0)))])
+    assert [list(known) for known in (kept.keeper._kept_at, kept.keeper._covariance_of)] == [[], []]
+
+
 def test_nothing_that_an_agent_says_keeps_a_keyframe_from_being_kept(kept):
     hostile = replace(
         make_edit(landmark_id=2**70, other_id=-(2**90), outcome="refused", detail="x" * 10_000_000),

@@ -108,6 +108,14 @@ def test_a_mask_that_is_missing_comes_from_the_masker_only():
     assert found.masks.sum(axis=(1, 2)).tolist() == [20 * 40, 1600]
 
 
+def test_of_two_alike_segments_one_stays_if_only_the_other_is_a_wall():
+    wall, above_half, below_half = (0, 0, 100, 100), (0, 0, 100, 51), (0, 0, 100, 49)
+    segments = Says(rows((None, above_half), (None, below_half)))
+    found = HybridDetector(Says(rows(("wall", wall))), segments, structure="keep").detect(frame())
+    assert found.boxes_px.tolist() == [list(below_half)]
+    assert HybridDetector(Says(rows()), segments, structure="keep").detect(frame()).boxes_px.tolist() == [list(above_half)]
+
+
 def test_walls_among_the_segments_go_by_shape():
     flat_m = np.full((HEIGHT, WIDTH), 3.0)
     flat_m[70:110, 60:100] = 1.5 + 0.2 * np.sin(np.arange(40) / 4.0)[:, None] + 0.2 * np.cos(np.arange(40) / 5.0)[None, :]
@@ -129,10 +137,18 @@ class SeesRedWalls(HashedEmbedder):
         return self.embed_text(["wall" if is_red else "cup" for is_red in red])
 
 
+class SeesRedWallsInCrops(HashedEmbedder):
+    """The same of crops: an ``ImageEmbedder``."""
+
+    def embed_image(self, images):
+        return self.embed_text(["wall" if image[len(image) // 2, image.shape[1] // 2, 0] > 180 else "cup" for image in images])
+
+
+@pytest.mark.parametrize("encoder", [SeesRedWalls(), SeesRedWallsInCrops()])
 @pytest.mark.parametrize("structure", ["looks", "auto"])
-def test_walls_among_the_segments_go_by_looks(structure):
+def test_walls_among_the_segments_go_by_looks(structure, encoder):
     segments = Says(rows((None, RED), (None, BLUE)))
-    hybrid = HybridDetector(Says(rows()), segments, classes=["cup"], structure=structure, image_encoder=SeesRedWalls())
+    hybrid = HybridDetector(Says(rows()), segments, classes=["cup"], structure=structure, image_encoder=encoder)
     assert hybrid.detect(frame()).boxes_px.tolist() == [list(BLUE)]
     by_shape = HybridDetector(Says(rows()), segments, classes=["cup"], structure="shape", image_encoder=SeesRedWalls())
     assert len(by_shape.detect(frame())) == 2
@@ -209,7 +225,7 @@ def test_it_can_be_made_from_a_configuration(tmp_path):
         ({"classes": ["cup", "Cup"]}, ConfigError, "'cup'"),
         ({"structure": "maybe"}, ConfigError, "wanted auto, looks, shape or keep"),
         ({"structure": "looks"}, ConfigError, "needs an image_encoder"),
-        ({"image_encoder": HashedEmbedder()}, ConfigError, "embed_crops"),
+        ({"image_encoder": HashedEmbedder()}, ConfigError, "embed_image or embed_crops"),
         ({"settings": {"merge_iuo": 0.7}}, ConfigError, "merge_iuo.*known: merge_iou"),
         ({"settings": {"novel_iou": 7}}, ConfigError, "novel_iou"),
         ({"settings": 3}, ConfigError, "HybridSettings"),

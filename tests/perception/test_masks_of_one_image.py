@@ -139,7 +139,7 @@ def test_merging_covers_the_same_pixels(pixels):
 
 
 def test_news_is_what_overlaps_no_detection():
-    known = Masks(np.array([block(0, 0, 40, 40)]))
+    known, nothing = Masks(np.array([block(0, 0, 40, 40)])), Masks(np.zeros((0, *SIZE), dtype=np.bool_))
     segments = [
         block(0, 0, 40, 30),  # most of it
         block(5, 5, 10, 10),  # inside it
@@ -149,9 +149,11 @@ def test_news_is_what_overlaps_no_detection():
         block(60, 0, 70, 19),  # the same again
         block(0, 0, 0, 0),
     ]
-    news = novel(Masks(np.array(segments)), known, HybridSettings())
+    news = novel(Masks(np.array(segments)), known, nothing, HybridSettings())
     assert news.tolist() == [False, False, False, True, True, False, False]
-    assert novel(Masks(np.array(segments)), Masks(np.zeros((0, *SIZE), dtype=np.bool_)), HybridSettings()).sum() == 5
+    assert novel(Masks(np.array(segments)), nothing, nothing, HybridSettings()).sum() == 5
+    before_a_wall = novel(Masks(np.array(segments)), nothing, known, HybridSettings())
+    assert before_a_wall.tolist() == [False, True, True, True, True, False, False]
 
 
 def test_joined_rows_keep_their_embeddings():

@@ -6,8 +6,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from seo_slam.geometry import FloatArray
-from seo_slam.interfaces import AgentView
+from seo_slam.interfaces import AgentView, ImageEmbedder
 
 CROP_AROUND = 0.1
 """Share of a box's sides that is shown around it."""
@@ -22,21 +21,8 @@ class CropClassifier(Protocol):
         ...
 
 
-@runtime_checkable
-class ImageEmbedder(Protocol):
-    """Turns pictures and words into vectors of one space."""
-
-    def embed_image(self, rgb: NDArray[np.uint8]) -> FloatArray:
-        """Return (D,) the unit vector of a picture (H, W, 3)."""
-        ...
-
-    def embed_text(self, texts: Sequence[str]) -> FloatArray:
-        """Return (N, D) unit rows."""
-        ...
-
-
 class EmbeddingClassifier:
-    """A ``CropClassifier`` of an image-text embedder, such as CLIP."""
+    """A ``CropClassifier`` of an ``ImageEmbedder``, such as CLIP."""
 
     def __init__(self, embedder: ImageEmbedder, temperature: float = 0.01, phrase: str = "a photo of a {}") -> None:
         """Take the embedder; ``temperature`` turns cosines into odds (CLIP's is 0.01)."""
@@ -49,7 +35,8 @@ class EmbeddingClassifier:
         if not words:
             return {}
         texts = self._embedder.embed_text([self._phrase.format(word) for word in words])
-        odds = np.asarray(texts, dtype=np.float64) @ np.asarray(self._embedder.embed_image(rgb), dtype=np.float64) / self._temperature
+        picture = np.asarray(self._embedder.embed_image([rgb]), dtype=np.float64)[0]
+        odds = np.asarray(texts, dtype=np.float64) @ picture / self._temperature
         shares = np.exp(odds - odds.max())
         return dict(zip(words, (shares / shares.sum()).tolist(), strict=True))
 

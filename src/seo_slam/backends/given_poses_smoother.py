@@ -50,6 +50,42 @@ class _Measured:
         self.due = self.count + max(1, self.count // _RENEWED_EVERY)
 
 
+class _Poses:
+    """(T, 4, 4) poses in an array with room for more: to give out all of them at every keyframe must not cost more and more."""
+
+    __slots__ = ("_rows", "count")
+
+    def __init__(self) -> None:
+        """Hold none."""
+        self._rows = np.empty((16, 4, 4))
+        self.count = 0
+
+    @property
+    def all(self) -> FloatArray:
+        """A read-only view (T, 4, 4); it stays as it is when more are appended."""
+        view = self._rows[: self.count]
+        view.flags.writeable = False
+        return view
+
+    @property
+    def newest(self) -> FloatArray:
+        """(4, 4), read-only.
+
+        Raises:
+            OptimizationError: there is none.
+        """
+        if not self.count:
+            raise OptimizationError("the smoother has not been started")
+        return np.asarray(self.all[-1], dtype=np.float64)
+
+    def append(self, T: FloatArray) -> None:
+        """Append one."""
+        if self.count == len(self._rows):
+            self._rows = np.concatenate([self._rows, np.empty_like(self._rows)])
+        self._rows[self.count] = T
+        self.count += 1
+
+
 class GivenPosesSmoother:
     """``interfaces.Smoother`` for poses that are known already: ground truth, a good odometry, another SLAM.
 
@@ -63,7 +99,7 @@ class GivenPosesSmoother:
     def __init__(self, settings: SmootherSettings | None = None) -> None:
         """Make it empty."""
         self._looseness = 1.0 / (settings or SmootherSettings()).cauchy_k ** 2
-        self._poses: list[FloatArray] = []
+        self._poses = _Poses()
         self._first_covariance = np.eye(6)
         self._covariance = np.eye(6)  # of the newest pose
         self._measured: dict[int, _Measured] = {}
@@ -74,7 +110,7 @@ class GivenPosesSmoother:
 
     def start(self, T_world_camera: FloatArray, covariance: FloatArray, landmarks: Landmarks | None = None) -> Estimate:
         """See ``interfaces.Smoother``; landmarks of a continued map count as measurements without a loss."""
-        if self._poses:
+        if self._poses.count:
             raise OptimizationError("the smoother has been started already")
         T = require_transform(T_world_camera, "first camera pose")
         require_covariances("covariance of the first camera pose", covariance[None])
@@ -101,11 +137,10 @@ class GivenPosesSmoother:
             require_covariances("covariance of the motion from odometry", motion.covariance[None])
             self._poses.append(self._after(motion))
             self._covariance = self._first_covariance + (motion.covariance if motion.status == "lost" else 0.0)
-        elif not self._poses:
-            raise OptimizationError("the smoother has not been started")
+        T_world_camera = self._poses.newest
         if len(landmark_ids):
             self._measure(self._rows_world(observations, self._looseness if robust else 0.0), landmark_ids)
-        return self._estimate(self._poses[-1], self._covariance)
+        return self._estimate(T_world_camera, self._covariance)
 
     def remove(self, landmark_id: int) -> None:
         """See ``interfaces.Smoother``."""
@@ -152,15 +187,14 @@ class GivenPosesSmoother:
         return np.asarray(self._cov_world[self._slots(landmark_ids)], dtype=np.float64)
 
     def poses(self) -> FloatArray:
-        """See ``interfaces.Smoother``."""
-        return np.array(self._poses, dtype=np.float64).reshape(len(self._poses), 4, 4)
+        """See ``interfaces.Smoother``; a read-only view, since no pose is ever corrected."""
+        return self._poses.all
 
     def _after(self, motion: Motion) -> FloatArray:
-        if not self._poses:
-            raise OptimizationError("the smoother has not been started")
+        last = self._poses.newest
         if motion.T_world_camera is not None:
             return motion.T_world_camera.copy()
-        return require_transform(self._poses[-1] @ motion.T_previous_current, "predicted camera pose")
+        return require_transform(last @ motion.T_previous_current, "predicted camera pose")
 
     def _estimate(self, T_world_camera: FloatArray, pose_covariance: FloatArray) -> Estimate:
         def joint_covariance(landmark_ids: IntArray) -> FloatArray:
@@ -175,7 +209,7 @@ class GivenPosesSmoother:
 
     def _rows_world(self, observations: Observations, looseness: float) -> FloatArray:
         """(K, COLUMNS) rows of what the newest camera measured; its own uncertainty counts, too."""
-        T, p_camera = self._poses[-1], observations.p_camera
+        T, p_camera = self._poses.newest, observations.p_camera
         J = np.zeros((len(p_camera), 3, 6))  # of the point in the camera frame, by the pose
         for a, b, c in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):  # [-skew(p), I]
             J[:, a, b], J[:, b, a], J[:, a, 3 + a] = p_camera[:, c], -p_camera[:, c], 1.0
@@ -202,9 +236,9 @@ class GivenPosesSmoother:
         slots, upper = self._slots(landmark_ids[which]), rows[which, 3:9]
         residual = rows[which, :3] - self._p_world[slots]
         added = cauchy_weights(residual, upper, rows[which, 9])[:, None, None] * square(upper)
-        self._information[slots] += added
+        np.add.at(self._information, slots, added)  # not +=: several measurements may be of one landmark
         self._cov_world[slots] = np.linalg.inv(self._information[slots])
-        self._p_world[slots] += (self._cov_world[slots] @ added @ residual[..., None])[..., 0]
+        np.add.at(self._p_world, slots, (self._cov_world[slots] @ added @ residual[..., None])[..., 0])
 
     def _renew(self, landmark_ids: list[int]) -> None:
         """Find position and information of landmarks from all their measurements."""

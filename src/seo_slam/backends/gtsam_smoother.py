@@ -219,8 +219,10 @@ class GtsamSmoother:
 
     def poses(self) -> FloatArray:
         """See ``interfaces.Smoother``."""
-        matrices = [self._isam.calculateEstimatePose3(X(i)).matrix() for i in range(self._keyframes)]
-        return np.array(matrices, dtype=np.float64).reshape(self._keyframes, 4, 4)
+        rows = gtsam.utilities.extractPose3(self._isam.calculateEstimate())  # R row by row, then t; at once is faster than one by one
+        out = np.tile(np.eye(4), (len(rows), 1, 1))
+        out[:, :3, :3], out[:, :3, 3] = rows[:, :9].reshape(-1, 3, 3), rows[:, 9:]
+        return out
 
     def _estimate(self) -> Estimate:
         return Estimate(

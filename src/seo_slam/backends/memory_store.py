@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 from dataclasses import replace
 from types import TracebackType
-from typing import Self
+from typing import Self, TypeVar, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,9 +15,15 @@ from seo_slam.mapping.nearby import rows_within
 from seo_slam.records import Amendment, EditRecord, KeyframeRecord
 from seo_slam.types import IntArray, Landmark, Observations
 
+_Change = TypeVar("_Change", KeyframeRecord, Amendment)
+_Precision = type[np.float32] | type[np.float64]
+
 
 class MemoryStore:
-    """A ``MapStore`` in memory: for runs whose result is only a map.json, and for tests."""
+    """A ``MapStore`` in memory: for runs whose result is only a map.json, and for tests.
+
+    Like map.db it keeps no clouds, and embeddings in single precision: they are what a long run fills memory with.
+    """
 
     def __init__(self) -> None:
         self._keyframes: dict[int, KeyframeRecord] = {}
@@ -37,10 +43,11 @@ class MemoryStore:
         """
         self._require_open()
         require_next(record, self._last_id)
-        self._keyframes[record.keyframe_id] = replace(record, observations=without_clouds(record.observations))
+        kept = replace(self._kept(record), observations=_observations(record.observations, np.float32))
+        self._keyframes[record.keyframe_id] = kept
         self._last_id = record.keyframe_id
         self._use_ids(record.landmark_ids.tolist())
-        self._change(record)
+        self._change(kept)
 
     def amend(self, amendment: Amendment) -> None:
         """Keep a change of the map that no keyframe made, wholly or not at all.
@@ -50,11 +57,20 @@ class MemoryStore:
         """
         self._require_open()
         require_amendment(amendment, self._last_id)
-        self._change(amendment)
+        self._change(self._kept(amendment))
 
     def edits(self) -> tuple[EditRecord, ...]:
         """Everything that agents proposed and what became of it, in the order it was kept; the first is edit number 1."""
-        return tuple(self._edits)
+        return tuple(_edit(edit, np.float64) for edit in self._edits)
+
+    def _kept(self, change: _Change) -> _Change:
+        """What is kept of a change; an embedding that is as it was is not kept twice."""
+        landmarks = [_landmark(landmark, np.float32) for landmark in change.landmarks]
+        for row, landmark in enumerate(landmarks):
+            before = self._landmarks.get(landmark.id)
+            if before is not None and np.array_equal(before.embedding, landmark.embedding):
+                landmarks[row] = replace(landmark, embedding=before.embedding)
+        return replace(change, landmarks=tuple(landmarks), edits=tuple(_edit(edit, np.float32) for edit in change.edits))
 
     def _change(self, change: KeyframeRecord | Amendment) -> None:
         self._landmarks.update({landmark.id: landmark for landmark in change.landmarks})
@@ -70,14 +86,20 @@ class MemoryStore:
         self._next_landmark_id = max(self._next_landmark_id, *(i + 1 for i in used), 0)
 
     def keyframe(self, keyframe_id: int) -> KeyframeRecord:
-        """Return a keyframe as it was committed, without clouds.
+        """Return a keyframe as it was committed, without clouds, embeddings in single precision.
 
         Raises:
             MapError: no such keyframe.
         """
         if keyframe_id not in self._keyframes:
             raise MapError(f"no keyframe {keyframe_id}; {len(self._keyframes)} are kept")
-        return self._keyframes[keyframe_id]
+        kept = self._keyframes[keyframe_id]
+        return replace(
+            kept,
+            observations=_observations(kept.observations, np.float64),
+            landmarks=tuple(_landmark(landmark, np.float64) for landmark in kept.landmarks),
+            edits=tuple(_edit(edit, np.float64) for edit in kept.edits),
+        )
 
     def keyframe_ids(self) -> IntArray:
         """(T,) ids of the keyframes kept, rising."""
@@ -98,11 +120,11 @@ class MemoryStore:
             if len(rows):
                 ids += [record.keyframe_id] * len(rows)
                 parts.append(record.observations[rows])
-        return np.array(ids, dtype=np.int64), stack_observations(parts)
+        return np.array(ids, dtype=np.int64), _observations(stack_observations(parts), np.float64)
 
     def landmarks(self) -> tuple[Landmark, ...]:
         """All landmarks in the map, by rising id, tentative ones included."""
-        return tuple(self._landmarks[i] for i in sorted(self._landmarks))
+        return tuple(_landmark(self._landmarks[i], np.float64) for i in sorted(self._landmarks))
 
     def near(self, p_world: ArrayLike, radius_m: float) -> tuple[int, ...]:
         """Ids of landmarks within ``radius_m`` of a point (3,), world frame, nearest first.
@@ -110,9 +132,8 @@ class MemoryStore:
         Raises:
             FrameError: not a finite point, or a negative radius.
         """
-        rows = self.landmarks()
-        positions_m = np.array([row.position_m for row in rows], dtype=np.float64).reshape(-1, 3)
-        ids = np.array([row.id for row in rows], dtype=np.int64)
+        positions_m = np.array([row.position_m for row in self._landmarks.values()], dtype=np.float64).reshape(-1, 3)
+        ids = np.array(list(self._landmarks), dtype=np.int64)
         return tuple(ids[rows_within(positions_m, ids, p_world, radius_m)].tolist())
 
     def history(self, landmark_id: int) -> tuple[tuple[int, str, str, str], ...]:
@@ -145,6 +166,22 @@ class MemoryStore:
     def _require_open(self) -> None:
         if self._closed:
             raise MapError("the store is closed and takes no more commits")
+
+
+def _landmark(landmark: Landmark, precision: _Precision) -> Landmark:
+    return replace(landmark, embedding=_in(precision, landmark.embedding), cloud_world=np.zeros((0, 3)))
+
+
+def _edit(edit: EditRecord, precision: _Precision) -> EditRecord:
+    return replace(edit, before=tuple(_landmark(landmark, precision) for landmark in edit.before))
+
+
+def _observations(observations: Observations, precision: _Precision) -> Observations:
+    return replace(without_clouds(observations), embeddings=_in(precision, observations.embeddings))
+
+
+def _in(precision: _Precision, embedding: FloatArray) -> FloatArray:
+    return cast(FloatArray, embedding.astype(precision))  # single only while it is kept
 
 
 def stack_observations(parts: list[Observations]) -> Observations:

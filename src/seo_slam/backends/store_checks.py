@@ -90,4 +90,4 @@ def _require_landmark(landmark: Landmark, where: str) -> None:
 
 def without_clouds(observations: Observations) -> Observations:
     """Return observations whose clouds are empty: a store keeps what the factor graph needs, and clouds would fill memory."""
-    return replace(observations, clouds=tuple(np.zeros((0, 3)) for _ in range(len(observations))))
+    return replace(observations, clouds=(np.zeros((0, 3)),) * len(observations))

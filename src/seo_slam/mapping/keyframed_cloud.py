@@ -46,32 +46,8 @@ class KeyframedCloud:
         self._placed: _Placed | None = None
         self._shown: _Placed | None = None
 
-    @classmethod
-    def of(
-        cls, voxel_m: float, keyframe: IntArray | NDArray[np.int32], p_keyframe: FloatArray, count: IntArray | NDArray[np.int32]
-    ) -> Self:
-        """Make one of its arrays, as read from a file.
-
-        Raises:
-            FrameError: they are not of one length, or hold a negative keyframe, a count below 1, or a point that is not finite.
-        """
-        M = len(keyframe)
-        if p_keyframe.shape != (M, 3) or count.shape != (M,):
-            raise FrameError(f"cloud: got {M} keyframes, {p_keyframe.shape} points and {count.shape} counts, wanted (M,), (M, 3), (M,)")
-        if (keyframe < 0).any() or (count < 1).any() or not np.isfinite(p_keyframe).all():
-            raise FrameError("cloud: a negative keyframe, a count below 1, or a point that is not finite")
-        out = cls(voxel_m)
-        out.keyframe, out.p_keyframe = keyframe.astype(np.int32), p_keyframe.astype(np.float32)
-        out.count = np.minimum(count, MOST_COUNTED).astype(np.int32)
-        return out
-
     def __len__(self) -> int:
         return len(self.keyframe)
-
-    @property
-    def nbytes(self) -> int:
-        """Bytes of what is kept: 20 a point. The points in the world that are held ready for ``world`` are not in it."""
-        return self.keyframe.nbytes + self.p_keyframe.nbytes + self.count.nbytes
 
     def add(self, keyframe: int, p_camera: FloatArray, poses: FloatArray) -> None:
         """Average points into the voxels that hold some, and append the others.
@@ -116,10 +92,6 @@ class KeyframedCloud:
         out.keyframe, out.p_keyframe, out.count = self.keyframe, self.p_keyframe, self.count
         out._placed, out._shown = self._placed, self._shown
         return out
-
-    def points_world(self, poses: FloatArray) -> FloatArray:
-        """Return (M, 3) every point, world frame, by the poses (T, 4, 4) exactly as given; rows as in ``subset``."""
-        return _to_world(self.keyframe, self.p_keyframe, poses)
 
     def world(self, poses: FloatArray) -> Cloud:
         """Return the cloud in the world, at most one point a voxel.

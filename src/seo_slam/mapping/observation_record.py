@@ -216,11 +216,6 @@ class ObservationRecord:
         self.last_keyframe = max(self.keyframes, default=RESTORED)
         self._newest = None
 
-    @property
-    def nbytes(self) -> int:
-        """Memory of the points."""
-        return sum(cloud.nbytes for cloud in self._clouds.values())
-
 
 class _NewestWords:
     """Which words were seen in each of the newest keyframes of an observation list, kept up so that the whole list need not be read."""

@@ -30,13 +30,13 @@ class ObservationFeatures:
         """
         if settings.image_weight == 0 and settings.text_weight == 0:
             raise ConfigError("features: image_weight and text_weight are both 0, wanted one of them above 0")
-        if image_encoder is not None and not _sees(image_encoder):
+        if image_encoder is not None and not sees(image_encoder):
             raise ConfigError(
                 f"features: image_encoder is a {type(image_encoder).__name__}, wanted something with embed_image or embed_crops"
             )
         self._settings = settings
         self._embedder = embedder
-        self._encoder: Any = image_encoder if image_encoder is not None else embedder if _sees(embedder) else None
+        self._encoder: Any = image_encoder if image_encoder is not None else embedder if sees(embedder) else None
         self._words: dict[str, None] = dict.fromkeys(settings.classes)
         self._null: FloatArray | None = None
         self._warned = False
@@ -114,13 +114,11 @@ class ObservationFeatures:
         if self._encoder is None:
             return None if missing.all() else out
         if missing.any():
-            out[missing] = self._of_our_size(self._encoded(frame, boxes_px[missing]), where)
+            out[missing] = self._of_our_size(self._pictures(frame, boxes_px[missing]), where)
         return out
 
-    def _encoded(self, frame: Frame, boxes_px: FloatArray) -> FloatArray:
-        if hasattr(self._encoder, "embed_crops"):
-            return np.asarray(self._encoder.embed_crops(frame, boxes_px), dtype=np.float64)
-        return np.asarray(self._encoder.embed_image(crops(frame.rgb, boxes_px, self._settings.crop_margin_px)), dtype=np.float64)
+    def _pictures(self, frame: Frame, boxes_px: FloatArray) -> FloatArray:
+        return embedded_pictures(self._encoder, frame, boxes_px, self._settings.crop_margin_px)
 
     def _of_our_size(self, rows: FloatArray, where: str) -> FloatArray:
         if rows.ndim != 2 or rows.shape[1] != self._embedder.size:
@@ -140,9 +138,16 @@ class ObservationFeatures:
         )
 
 
-def _sees(candidate: Any) -> bool:
+def sees(candidate: Any) -> bool:
     """Whether it takes pictures; ``isinstance`` of a protocol would ask for its size too, and so load its model."""
     return hasattr(candidate, "embed_crops") or hasattr(candidate, "embed_image")
+
+
+def embedded_pictures(encoder: Any, frame: Frame, boxes_px: FloatArray, margin_px: int) -> FloatArray:
+    """Return (N, D) float64 rows of what is in boxes (N, 4) of a frame; an ``ImageEmbedder`` is shown crops with a margin."""
+    if hasattr(encoder, "embed_crops"):
+        return np.asarray(encoder.embed_crops(frame, boxes_px), dtype=np.float64)
+    return np.asarray(encoder.embed_image(crops(frame.rgb, boxes_px, margin_px)), dtype=np.float64)
 
 
 def _name_of(encoder: Any) -> str:

@@ -17,10 +17,12 @@ from seo_slam.perception.background import BACKGROUND, is_background
 from seo_slam.perception.box_masks import DepthMasker, Masker
 from seo_slam.perception.class_list import ClassList
 from seo_slam.perception.colour_merge import merged
+from seo_slam.perception.features import embedded_pictures, sees
 from seo_slam.perception.mask_overlap import Masks
 from seo_slam.perception.novel_segments import joined, novel, parted
 from seo_slam.perception.structure import is_structure
 from seo_slam.settings.hybrid import HybridSettings, StructureSettings
+from seo_slam.settings.observing import FeatureSettings
 from seo_slam.types import BoolArray, Detections, Frame
 
 StructureRule = Literal["auto", "looks", "shape", "keep"]
@@ -64,7 +66,7 @@ class HybridDetector:
             structure: how walls, floor and ceiling are told among the segments: "looks": their picture is nearer to a background word
                 than to a class; "shape": see ``perception.structure``; "auto": either tells, shape alone without an image encoder; "keep":
                 not at all.
-            image_encoder: for "looks" and "auto": has ``embed_crops`` and ``embed_text``.
+            image_encoder: for "looks" and "auto": an ``ImageEmbedder``, or something with ``embed_crops`` and ``embed_text``.
             settings: thresholds, as ``HybridSettings`` or a mapping of some of them.
             structure_settings: those of "shape", likewise.
 
@@ -120,11 +122,8 @@ class HybridDetector:
         self._watch(frame, bool(len(segments)))
         segments = self._with_masks(segments, frame)
         segments = Detections(segments.boxes_px, (None,) * len(segments), segments.scores, segments.masks, segments.embeddings)
-        masks = Masks(_masks_of(segments, frame))
-        news = novel(masks, Masks(_masks_of(found, frame)), self._settings)
-        if len(background):  # what lies in a wall's mask may be a thing before it
-            news &= novel(masks, Masks(_masks_of(background, frame)), self._settings.model_copy(update={"novel_share": 1.0}))
-        segments = segments[news]
+        masks, detected, behind = (Masks(_masks_of(part, frame)) for part in (segments, found, background))
+        segments = segments[novel(masks, detected, behind, self._settings)]
         return segments[~self._is_structure(segments, frame)]
 
     def _with_masks(self, found: Detections, frame: Frame) -> Detections:
@@ -170,7 +169,7 @@ class HybridDetector:
 
 def looks_like(encoder: Any, frame: Frame, boxes_px: FloatArray, these: Sequence[str], others: Sequence[str]) -> BoolArray:
     """Return (N,) whether the picture in each box (N, 4) is nearer to one of ``these`` words than to all ``others``."""
-    pictures = encoder.embed_crops(frame, boxes_px)
+    pictures = embedded_pictures(encoder, frame, boxes_px, FeatureSettings().crop_margin_px)
     near = (pictures @ encoder.embed_text(list(these)).T).max(axis=1)
     far = (pictures @ encoder.embed_text(list(others)).T).max(axis=1)
     return np.asarray(near > far)
@@ -209,8 +208,8 @@ def _settings(model: Any, given: Any) -> Any:
 def _check_rule(structure: str, encoder: Any) -> None:
     if structure not in ("auto", "looks", "shape", "keep"):
         raise ConfigError(f"hybrid: structure is {structure!r}, wanted auto, looks, shape or keep")
-    usable = hasattr(encoder, "embed_crops") and hasattr(encoder, "embed_text")
-    if encoder is not None and not usable:
-        raise ConfigError(f"hybrid: image_encoder is a {type(encoder).__name__}, wanted something with embed_crops and embed_text")
+    if encoder is not None and not (sees(encoder) and hasattr(encoder, "embed_text")):
+        wanted = "something with embed_image or embed_crops, and embed_text"
+        raise ConfigError(f"hybrid: image_encoder is a {type(encoder).__name__}, wanted {wanted}")
     if structure == "looks" and encoder is None:
         raise ConfigError("hybrid: structure is 'looks', which needs an image_encoder")

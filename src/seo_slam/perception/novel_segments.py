@@ -9,17 +9,15 @@ from seo_slam.types import BoolArray, Detections
 PIXELS_OF_VGA = 640 * 480
 
 
-def novel(segments: Masks, detected: Masks, settings: HybridSettings) -> BoolArray:
-    """Return (M,) which of M segments overlap none of N detected masks.
+def novel(segments: Masks, detected: Masks, background: Masks, settings: HybridSettings) -> BoolArray:
+    """Return (M,) which of M segments overlap none of N detected masks, and are none of L masks of the background.
 
-    At most ``novel_iou`` of their union may be shared, and at most ``novel_share`` of the segment, and of the detection. Of segments that
-    overlap each other by more than ``merge_iou`` the first one counts.
+    At most ``novel_iou`` of their union may be shared, and at most ``novel_share`` of the segment, and of the detection; what lies in a
+    wall's mask may be a thing before it. Of those segments that overlap each other by more than ``merge_iou`` the first one counts.
     """
-    shared = shared_pixels(segments, detected)
-    smaller = np.minimum(segments.areas[:, None], detected.areas[None, :])
-    overlaps = mask_iou(shared, segments, detected) > settings.novel_iou
-    overlaps |= shared / np.maximum(smaller, 1) > settings.novel_share
-    news = (segments.areas > 0) & ~overlaps.any(axis=1)
+    known = _overlapping(segments, detected, settings.novel_iou, settings.novel_share)
+    known |= _overlapping(segments, background, settings.novel_iou, 1.0)
+    news = (segments.areas > 0) & ~known
     rows = np.flatnonzero(news)
     left = segments[rows]
     alike = mask_iou(shared_pixels(left, left), left, left) > settings.merge_iou
@@ -27,6 +25,14 @@ def novel(segments: Masks, detected: Masks, settings: HybridSettings) -> BoolArr
         if news[row]:
             news[rows[position + 1 :][alike[position, position + 1 :]]] = False
     return np.asarray(news)
+
+
+def _overlapping(segments: Masks, others: Masks, iou: float, share: float) -> BoolArray:
+    """(M,) which segments share more than ``iou`` of the union, or ``share`` of the smaller one, with any of the others."""
+    shared = shared_pixels(segments, others)
+    smaller = np.minimum(segments.areas[:, None], others.areas[None, :])
+    overlaps = (mask_iou(shared, segments, others) > iou) | (shared / np.maximum(smaller, 1) > share)
+    return np.asarray(overlaps.any(axis=1))
 
 
 def joined(detected: Detections, segments: Detections) -> Detections:
