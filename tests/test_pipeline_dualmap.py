@@ -102,6 +102,15 @@ def test_with_another_embedder_the_abstract_map_is_made_anew():
     assert mapped(pipeline(both, embedder=Other(size=16), map=made)).abstract.embedder == "other"
 
 
+def test_with_an_embedder_of_another_size_the_abstract_map_is_made_anew():
+    made, short = mapped(pipeline(both)), HashedEmbedder(size=64)
+    (anchor,) = made.with_embeddings(short).abstract.anchors
+    assert anchor.feature.tolist() == short.embed_text(["table"])[0].tolist()
+    again = mapped(pipeline(both, embedder=short, map=made))
+    assert {row.feature.shape for row in again.abstract.anchors} == {(64,)}
+    assert sorted(by_label(again)) == ["cup", "table"]
+
+
 def test_without_the_extra_it_says_so_before_anything_is_mapped(monkeypatch):
     monkeypatch.setitem(sys.modules, "skimage.segmentation", None)
     monkeypatch.delitem(sys.modules, "seo_slam.abstraction.rooms", raising=False)
