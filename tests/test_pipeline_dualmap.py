@@ -8,7 +8,7 @@ import pytest
 from seo_slam.backends.hashed_embedder import HashedEmbedder
 from seo_slam.errors import MissingBackendError
 from seo_slam.map import Map
-from two_boxes import LEFT, RIGHT, Standing, frames, mapped, pipeline
+from two_boxes import LEFT, RIGHT, Says, Standing, frames, mapped, pipeline
 
 
 def both(index):
@@ -45,6 +45,13 @@ def test_seeing_the_same_again_costs_no_memory():
         running.step(frame)
         points.append(sum(len(row.cloud_world) for row in running.snapshot().landmarks))
     assert points[20] == points[-1] > 0
+
+
+@pytest.mark.parametrize("classes", [[0, 2, 5], {0: "table", 41: "cup"}, np.array(["table", "cup"]), "my_words.txt"])
+@pytest.mark.parametrize("preset", ["dualmap", "seo_slam_no_agents"])
+def test_a_detector_may_hold_anything_under_the_name_classes(monkeypatch, preset, classes):
+    monkeypatch.setattr(Says, "classes", classes, raising=False)
+    assert sorted(by_label(mapped(pipeline(both, preset=preset)))) == ["cup", "table"]
 
 
 @pytest.mark.parametrize(("settings", "stays"), [((), False), (("status.existence=false",), True), (("life.enabled=false",), True)])

@@ -2,6 +2,7 @@
 
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from seo_slam.errors import ConfigError
@@ -62,7 +63,13 @@ def test_a_detector_may_know_its_classes():
     assert ClassList.of_detector(SimpleNamespace(names=("cup", "chair", "cup"))).words == ("cup", "chair")
     assert ClassList.of_detector(SimpleNamespace(labels={0: "cup", 1: "chair"})).words == ("cup", "chair")
     assert ClassList.of_detector(SimpleNamespace(names=lambda: None)) is None
+    assert ClassList.of_detector(SimpleNamespace(classes=np.array(["cup", "chair"]))).words == ("cup", "chair")
     assert ClassList.of_detector(object()) is None
+
+
+@pytest.mark.parametrize("classes", [[0, 2, 5], {2: 41}, np.arange(3), np.array("cup"), "my.txt", ["cup", ["chair"]], ["", " "], [], None])
+def test_what_holds_no_words_is_no_class_list(classes):
+    assert ClassList.of_detector(SimpleNamespace(classes=classes)) is None
 
 
 @pytest.mark.parametrize("label", ["wall", "Brick Wall", "windows", "floor", "glass-wall", "background"])

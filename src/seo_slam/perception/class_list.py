@@ -1,10 +1,12 @@
 """The words that a map is to be made of."""
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
+
+import numpy as np
 
 from seo_slam.errors import ConfigError
 from seo_slam.perception.labels import MAX_LABEL_CHARACTERS, clean_label
@@ -80,12 +82,14 @@ class ClassList:
 
     @classmethod
     def of_detector(cls, detector: Any) -> Self | None:
-        """Return what a detector says it knows (``names``, ``labels`` or ``classes``; of a mapping its values); None if it says nothing."""
+        """Return what a detector says it knows: words in ``names``, ``labels`` or ``classes``, of a mapping its values; else None.
+
+        Whatever else an attribute of such a name holds, numbers of classes or the path of a file, is no list of words.
+        """
         for attribute in ("names", "labels", "classes"):
-            said: Any = getattr(detector, attribute, None)
-            values = list(said.values()) if isinstance(said, Mapping) else said
-            if isinstance(values, list | tuple | ClassList) and values and all(isinstance(word, str) for word in values):
-                return cls(_different(values), f"{attribute} of {type(detector).__name__}")
+            words = _different(_words_in(getattr(detector, attribute, None)))
+            if words:
+                return cls(words, f"{attribute} of {type(detector).__name__}")
         return None
 
     @classmethod
@@ -114,6 +118,12 @@ class ClassList:
         except OSError as error:
             raise ConfigError(f"{file}: class list cannot be written: {error.strerror}") from error
         return file
+
+
+def _words_in(said: Any) -> Sequence[str]:
+    values = list(said.values()) if isinstance(said, Mapping) else said.tolist() if isinstance(said, np.ndarray) else said
+    is_words = isinstance(values, list | tuple | ClassList) and all(isinstance(word, str) for word in values)
+    return tuple(values) if is_words else ()
 
 
 def _different(words: Iterable[str]) -> tuple[str, ...]:
