@@ -50,6 +50,13 @@ def test_a_missing_file_and_a_binary_one_are_named(tmp_path):
         ClassList(("cup",)).write(tmp_path / "no folder" / "classes.txt")
 
 
+@pytest.mark.parametrize("word", ["c# book", "#1 mug"])
+def test_a_word_that_would_not_be_read_again_is_not_written(tmp_path, word):
+    with pytest.raises(ConfigError, match=rf"'{word}' of my words cannot be written.*wanted words without #"):
+        ClassList(("cup", word), "my words").write(tmp_path / "classes.txt")
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_duplicates_in_words_are_named():
     with pytest.raises(ConfigError, match=r"classes: 'cup', 'shoe' stand more than once"):
         ClassList.of(["cup", "Shoe", "CUP", "shoe", "lamp"])

@@ -109,9 +109,12 @@ class ClassList:
         """Write a file that ``from_file`` reads, and return it; a ``header`` is one line that begins with ``#``.
 
         Raises:
-            ConfigError: it cannot be written.
+            ConfigError: it cannot be written, or a word holds a ``#``: what follows that is not read.
         """
         file = Path(path)
+        cut = [word for word in self.words if "#" in word]
+        if cut:
+            raise ConfigError(f"{file}: {cut[0]!r} of {self.source} cannot be written, a # begins a comment there; wanted words without #")
         try:
             lines = [header, *self.words] if header else self.words
             file.write_text("".join(f"{line}\n" for line in lines), encoding="utf-8", newline="\n")
