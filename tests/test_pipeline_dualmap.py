@@ -54,6 +54,14 @@ def test_a_detector_may_hold_anything_under_the_name_classes(monkeypatch, preset
     assert sorted(by_label(mapped(pipeline(both, preset=preset)))) == ["cup", "table"]
 
 
+@pytest.mark.parametrize("said", ["cafe\u0301", "caf\u00e9"])
+@pytest.mark.parametrize("wanted", ["cafe\u0301", "caf\u00e9"])
+def test_a_class_is_kept_however_its_accent_is_spelt(said, wanted):
+    settings = f'features.classes=["{wanted}"]', "features.only_classes=true"
+    made = mapped(pipeline(lambda i: [(said, LEFT), ("cup", RIGHT)], *settings))
+    assert list(by_label(made)) == ["caf\u00e9"]
+
+
 @pytest.mark.parametrize(("settings", "stays"), [((), False), (("status.existence=false",), True), (("life.enabled=false",), True)])
 def test_what_is_in_sight_and_not_found_any_more_is_lost_unless_misses_do_not_count(settings, stays):
     made = mapped(pipeline(lambda i: both(i) if i < 20 else both(i)[:1], *settings), 90)

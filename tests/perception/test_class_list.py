@@ -50,6 +50,16 @@ def test_a_missing_file_and_a_binary_one_are_named(tmp_path):
         ClassList(("cup",)).write(tmp_path / "no folder" / "classes.txt")
 
 
+def test_however_an_accent_is_spelt_it_is_one_word(tmp_path):
+    apart, together = "cafe\u0301 table", "caf\u00e9 table"
+    assert ClassList((apart,)).words == (together,)
+    assert apart in ClassList((together,))
+    assert together in ClassList((apart,))
+    (tmp_path / "classes.txt").write_text(f"{apart}\n{together}\n", encoding="utf-8")
+    with pytest.raises(ConfigError, match="lines 1 and 2"):
+        ClassList.from_file(tmp_path / "classes.txt")
+
+
 @pytest.mark.parametrize("word", ["c# book", "#1 mug"])
 def test_a_word_that_would_not_be_read_again_is_not_written(tmp_path, word):
     with pytest.raises(ConfigError, match=rf"'{word}' of my words cannot be written.*wanted words without #"):

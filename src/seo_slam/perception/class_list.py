@@ -1,5 +1,6 @@
 """The words that a map is to be made of."""
 
+import unicodedata
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -19,7 +20,7 @@ class ClassList:
     """Words of classes, all different whatever their case.
 
     Attributes:
-        words: as they were written.
+        words: as they were written, but for blanks and for accents, which are spelt as ``clean_label`` spells them.
         source: where they come from, for messages.
 
     Raises:
@@ -32,7 +33,7 @@ class ClassList:
     def __post_init__(self) -> None:
         if isinstance(self.words, str) or not all(isinstance(word, str) for word in self.words):
             raise ConfigError(f"{self.source}: got {self.words!r:.60}, wanted a list of words")
-        object.__setattr__(self, "words", tuple(" ".join(word.split()) for word in self.words))
+        object.__setattr__(self, "words", tuple(_spelt(word) for word in self.words))
         if not self.words:
             raise ConfigError(f"{self.source}: holds no word, wanted at least one class")
         bad = [word for word in self.words if clean_label(word) != word]
@@ -52,8 +53,8 @@ class ClassList:
         return iter(self.words)
 
     def __contains__(self, label: object) -> bool:
-        """Whether a label is one of the classes, whatever its case."""
-        return isinstance(label, str) and label.casefold() in {word.casefold() for word in self.words}
+        """Whether a label is one of the classes, whatever its case, and however its accents are spelt."""
+        return isinstance(label, str) and _spelt(label).casefold() in {word.casefold() for word in self.words}
 
     @classmethod
     def from_file(cls, path: str | Path) -> Self:
@@ -67,7 +68,7 @@ class ClassList:
             lines = file.read_text(encoding="utf-8-sig").splitlines()
         except (OSError, UnicodeDecodeError) as error:
             raise ConfigError(f"{file}: class list cannot be read: {error}") from error
-        read = [(number, " ".join(line.partition("#")[0].split())) for number, line in enumerate(lines, 1)]
+        read = [(number, _spelt(line.partition("#")[0])) for number, line in enumerate(lines, 1)]
         read = [(number, word) for number, word in read if word]
         first: dict[str, int] = {}
         twice = []
@@ -121,6 +122,11 @@ class ClassList:
         except OSError as error:
             raise ConfigError(f"{file}: class list cannot be written: {error.strerror}") from error
         return file
+
+
+def _spelt(word: str) -> str:
+    """A word with single blanks and in the one spelling of its accents that labels have."""
+    return unicodedata.normalize("NFC", " ".join(word.split()))
 
 
 def _words_in(said: Any) -> Sequence[str]:
