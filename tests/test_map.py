@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from seo_slam import registry
+from seo_slam.backends.hashed_embedder import HashedEmbedder
 from seo_slam.backends.sqlite_store import SqliteStore
 from seo_slam.config import Component
 from seo_slam.errors import FrameError, MapError, MapFormatError, MissingBackendError, UnknownBackendError, UnknownLandmarkError
@@ -165,6 +166,11 @@ def test_query_takes_the_embeddings_at_hand_only_if_they_are_the_models_own():
     assert [(hit.landmark.id, hit.score) for hit in own] == [(0, 1.0), (1, 0.0)]
     foreign = Map(rows, embedder="other").query("cup", embedder=WordEmbedder())
     assert [(hit.landmark.id, hit.score) for hit in foreign] == [(0, 1.0), (1, 0.0)]
+
+
+def test_query_asks_anew_for_a_model_of_one_name_and_another_size(desk):
+    for size in (256, 64):
+        assert desk.query("book", embedder=HashedEmbedder(size))[0].score == pytest.approx(1.0)
 
 
 def test_query_leaves_out_what_nothing_has_named():

@@ -58,6 +58,8 @@ def test_features_made_anew_for_another_embedder_are_of_words():
     again = a_map().with_embeddings(Looks(8))
     assert again.features.in_words == again.abstract.features.in_words == "words only"
     assert a_map().with_embeddings(WORDS).features == PICTURES
+    shorter = a_map().with_embeddings(WORDS).with_embeddings(HashedEmbedder(16))
+    assert shorter.features.in_words == shorter.abstract.features.in_words == "words only"
 
 
 def test_an_update_keeps_what_the_old_anchors_are_made_of():

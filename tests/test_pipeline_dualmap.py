@@ -8,7 +8,7 @@ import pytest
 from seo_slam.backends.hashed_embedder import HashedEmbedder
 from seo_slam.errors import MissingBackendError
 from seo_slam.map import Map
-from two_boxes import LEFT, RIGHT, Standing, frames, mapped, pipeline
+from two_boxes import LEFT, RIGHT, Says, Standing, frames, mapped, pipeline
 
 
 def both(index):
@@ -45,6 +45,21 @@ def test_seeing_the_same_again_costs_no_memory():
         running.step(frame)
         points.append(sum(len(row.cloud_world) for row in running.snapshot().landmarks))
     assert points[20] == points[-1] > 0
+
+
+@pytest.mark.parametrize("classes", [[0, 2, 5], {0: "table", 41: "cup"}, np.array(["table", "cup"]), "my_words.txt"])
+@pytest.mark.parametrize("preset", ["dualmap", "seo_slam_no_agents"])
+def test_a_detector_may_hold_anything_under_the_name_classes(monkeypatch, preset, classes):
+    monkeypatch.setattr(Says, "classes", classes, raising=False)
+    assert sorted(by_label(mapped(pipeline(both, preset=preset)))) == ["cup", "table"]
+
+
+@pytest.mark.parametrize("said", ["cafe\u0301", "caf\u00e9"])
+@pytest.mark.parametrize("wanted", ["cafe\u0301", "caf\u00e9"])
+def test_a_class_is_kept_however_its_accent_is_spelt(said, wanted):
+    settings = f'features.classes=["{wanted}"]', "features.only_classes=true"
+    made = mapped(pipeline(lambda i: [(said, LEFT), ("cup", RIGHT)], *settings))
+    assert list(by_label(made)) == ["caf\u00e9"]
 
 
 @pytest.mark.parametrize(("settings", "stays"), [((), False), (("status.existence=false",), True), (("life.enabled=false",), True)])
@@ -100,6 +115,15 @@ def test_with_another_embedder_the_abstract_map_is_made_anew():
     made = mapped(pipeline(both))
     assert made.with_embeddings(Other(size=16)).abstract.embedder == "other"
     assert mapped(pipeline(both, embedder=Other(size=16), map=made)).abstract.embedder == "other"
+
+
+def test_with_an_embedder_of_another_size_the_abstract_map_is_made_anew():
+    made, short = mapped(pipeline(both)), HashedEmbedder(size=64)
+    (anchor,) = made.with_embeddings(short).abstract.anchors
+    assert anchor.feature.tolist() == short.embed_text(["table"])[0].tolist()
+    again = mapped(pipeline(both, embedder=short, map=made))
+    assert {row.feature.shape for row in again.abstract.anchors} == {(64,)}
+    assert sorted(by_label(again)) == ["cup", "table"]
 
 
 def test_without_the_extra_it_says_so_before_anything_is_mapped(monkeypatch):

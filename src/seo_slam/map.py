@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from seo_slam import registry
 from seo_slam.abstraction.abstract_map import AbstractMap
 from seo_slam.abstraction.files import abstract_map_from
-from seo_slam.abstraction.from_words import with_features_of_words
+from seo_slam.abstraction.from_words import is_of, with_features_of_words
 from seo_slam.config import Component
 from seo_slam.errors import BackendError, ConfigError, MapError, MapFormatError, MissingBackendError, UnknownLandmarkError
 from seo_slam.geometry import FloatArray
@@ -91,7 +91,7 @@ class Map:
         if abstract is not None and abstract.features is None and features is not None:
             self._abstract = replace(abstract, features=features)
         self._embedder_in_use: Embedder | None = None
-        self._vectors: tuple[str, FloatArray] | None = None
+        self._vectors: tuple[str, int, FloatArray] | None = None
 
     @classmethod
     def load(cls, path: str | Path) -> Self:
@@ -260,15 +260,16 @@ class Map:
     def with_embeddings(self, embedder: Embedder) -> Self:
         """Return this map with the embedding of every landmark made, or made anew, for ``embedder``, and named after it.
 
-        Features of an abstract map that another embedder made are made anew of its words.
+        Features of an abstract map that another embedder made, or one of the same name and another size, are made anew of its words.
         """
         rows = list(self._by_id.values())
         vectors = self._embed(rows, embedder)
         filled = (replace(row, embedding=vector) for row, vector in zip(rows, vectors, strict=True))
         abstract, features = self._abstract, self._features
-        if abstract is not None and abstract.embedder != embedder.name:
+        if abstract is not None and not is_of(abstract, embedder):
             abstract = with_features_of_words(abstract, embedder)
-        if features is not None and self._embedder != embedder.name:
+        sizes = {row.embedding.shape for row in rows if row.embedding.any()}
+        if features is not None and (self._embedder != embedder.name or sizes - {(embedder.size,)}):
             features = replace(features, image_encoder="")
         return type(self)(filled, self._gravity, embedder.name, self._next_id, abstract, features)
 
@@ -317,9 +318,9 @@ class Map:
         return self._embedder_in_use
 
     def _label_vectors(self, rows: Sequence[Landmark], model: Embedder) -> FloatArray:
-        if self._vectors is None or self._vectors[0] != model.name:
-            self._vectors = (model.name, self._embed(rows, model))
-        return self._vectors[1]
+        if self._vectors is None or self._vectors[:2] != (model.name, model.size):
+            self._vectors = (model.name, model.size, self._embed(rows, model))
+        return self._vectors[2]
 
     def _embed(self, rows: Sequence[Landmark], model: Embedder) -> FloatArray:
         """(N, D) unit rows, zeros where unnamed: those at hand if this model made them, else sums of label embeddings."""

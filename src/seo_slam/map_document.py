@@ -56,7 +56,9 @@ class LandmarkDocument(_Model):
         description="Covariance of position_m, world frame, square metres; symmetric and positive definite."
     )
     size_m: tuple[NotNegative, NotNegative, NotNegative] = Field(description="Extent along the world's x, y and z, metres.")
-    observations: int = Field(ge=0, description="Keyframes it was seen in.")
+    observations: int = Field(
+        ge=0, description="How often it was seen: once a keyframe, or more often where two observations of one were joined."
+    )
     first_seen_s: Finite = Field(description="Stamp of the first of them, seconds.")
     last_seen_s: Finite = Field(description="Stamp of the last of them, seconds.")
     state: LandmarkState = Field(

@@ -8,7 +8,9 @@ import numpy as np
 from seo_slam.composition import Parts
 from seo_slam.config import Config
 from seo_slam.perception.adapters import to_detections
+from seo_slam.perception.class_list import ClassList
 from seo_slam.perception.features import ObservationFeatures
+from seo_slam.perception.labels import clean_label
 from seo_slam.perception.lifting import observe
 from seo_slam.perception.mask_clouds import box_masks, mask_clouds
 from seo_slam.records import FeatureRecipe
@@ -24,9 +26,9 @@ class Measuring:
         self._config = config
         self._parts = parts
         self._clock = clock
-        known = config.features.classes or tuple(getattr(parts.detector, "classes", None) or ())  # a class list that the detector has
+        known = config.features.classes or tuple(ClassList.of_detector(parts.detector) or ())
         self._features = ObservationFeatures(config.features.model_copy(update={"classes": known}), parts.embedder)
-        self._wanted = {word.casefold() for word in config.features.classes} if config.features.only_classes else None
+        self._wanted = {(clean_label(word) or "").casefold() for word in config.features.classes} if config.features.only_classes else None
         self._is_warm = False
 
     @property

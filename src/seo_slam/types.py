@@ -160,7 +160,8 @@ class Observations(_Rows):
         size_m: (K, 2) width and height across the line of sight.
         labels: K words or None.
         scores: (K,) in [0, 1].
-        embeddings: (K, D) unit rows, the embedding phi(cl) of the label; zeros where there is no label.
+        embeddings: (K, D) unit rows: the embedding phi(cl) of the label, or, where features are of pictures too, of both; what has no
+            label may have the mean of known words. Zeros where there is none of these.
         boxes_px: (K, 4), clipped to the image.
         truncated: (K, 4) bool: the box touches the left, top, right, bottom border of the image.
         clouds: K arrays (M, 3): a sample of the object's surface points.
@@ -222,9 +223,11 @@ class Landmark:
         position_m: (3,) in the world frame.
         covariance_m2: (3, 3) of the position.
         size_m: (3,) extent along the world's x, y and z.
-        embedding: (D,) unit vector fused over all labels seen, zeros if unnamed.
-        observations: keyframes it was seen in.
-        first_seen_s, last_seen_s: stamps.
+        embedding: (D,) unit vector fused over the embeddings of all observations, which may be of pictures and of what has no name; zeros
+            where all were, (0,) where a map was loaded without.
+        observations: how often it was seen: once a keyframe, or more often where two observations of one were joined, by greedy matching
+            or by a merge.
+        first_seen_s, last_seen_s: stamps of the first and the last.
         state: "tentative" until seen often and long enough, then "stable"; "lost" while it is not where it should be seen.
         version: rises when label, state, merge or split change, not with every observation.
         existence: probability that it is there; 1 where that is not estimated.

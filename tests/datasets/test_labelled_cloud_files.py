@@ -30,7 +30,7 @@ def test_points_instances_and_words(tmp_path):
 
 def test_a_list_of_words_and_two_numbers_of_one_word(tmp_path):
     path = written(tmp_path / "room.ply", rows=("0 0 0 1 0", "0 0 1 2 2", "0 0 2 3 1"))
-    (tmp_path / "room.json").write_text(json.dumps(["chair", "table", "chair"]))
+    (tmp_path / "room.json").write_text(json.dumps(["chair", "table", " chair"]))
     truth = read_labelled_cloud(path)
     assert truth.class_names == ("chair", "table")
     assert truth.class_ids.tolist() == [0, 0, 1]

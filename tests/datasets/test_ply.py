@@ -75,6 +75,12 @@ def test_cut_off_or_too_long_is_noticed(tmp_path, form):
         ("property int label", "property int x", "there twice"),
         ("200", "many", "property 'red'"),
         ("200", "200 1", "a.ply:9: got 4 numbers, wanted 3"),
+        ("200", "-1", "a.ply:9: property 'red' is -1, wanted a number of type uint8"),
+        (" 3 ", " 300 ", "a.ply:10: property 'red' is 300"),
+        ("70000", "2.9", "a.ply:10: property 'label' is 2.9, wanted a number of type int32"),
+        ("70000", "nan", "property 'label' is nan"),
+        ("70000", "4294967295", "property 'label' is 4294967295"),
+        ("1.5", "1e300", "property 'x' is 1e300, wanted a number of type float32"),
     ],
 )
 def test_what_is_wrong_is_said(tmp_path, old, new, message):
@@ -82,6 +88,13 @@ def test_what_is_wrong_is_said(tmp_path, old, new, message):
     path.write_text(path.read_text().replace(old, new, 1))
     with pytest.raises(DatasetError, match=message):
         read_ply(path)
+
+
+def test_text_may_say_numbers_in_any_way_that_their_type_holds(tmp_path):
+    vertices = read_ply(written(tmp_path / "a.ply", "ascii", rows=((0.1, "2.0", "-7e2"), ("nan", 255, 0)))).vertices
+    assert vertices["x"].tolist() == pytest.approx([0.1, np.nan], nan_ok=True)
+    assert vertices["red"].tolist() == [2, 255]
+    assert vertices["label"].tolist() == [-700, 0]
 
 
 def test_a_missing_file_is_named(tmp_path):

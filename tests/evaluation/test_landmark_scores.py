@@ -130,6 +130,10 @@ def test_label_rules(rule, word, agrees):
     assert scored.score.matched == int(agrees)
 
 
+def test_truth_may_spell_accents_otherwise_than_the_map():
+    assert LabelRule.exact().agree(("caf\u00e9",), ("cafe\u0301",))
+
+
 def test_any_accepted_label_and_the_category_count():
     truth = Truth((TruthObject("c", ("red cup", "cup"), np.zeros((1, 3))),))
     assert evaluate_landmarks([landmark(1, "cup", (0, 0, 0))], truth).score.matched == 1

@@ -628,6 +628,14 @@ def test_a_map_of_another_embedder():
         Navigator(other, SeeingMapper(Robot(), things), EMBEDDER)
 
 
+def test_a_map_of_an_embedder_of_another_size():
+    things = furniture()
+    given = abstract_map(things, [])
+    short = tuple(replace(anchor, feature=anchor.feature[:-1]) for anchor in given.anchors)
+    with pytest.raises(MapError, match="wanted the size of the map's features"):
+        Navigator(replace(given, anchors=short), SeeingMapper(Robot(), things), EMBEDDER)
+
+
 def test_planners_come_together():
     things = furniture()
     with pytest.raises(ConfigError, match="all three or none"):

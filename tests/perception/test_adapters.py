@@ -61,6 +61,13 @@ def test_supervision_empty():
     assert len(to_detections(found, FRAME)) == 0
 
 
+@pytest.mark.parametrize("nothing", [[], np.zeros((0, 512)), np.zeros((0, 30, 40))])
+def test_nothing_may_be_said_in_empty_lists(nothing):
+    found = to_detections({"boxes": [], "labels": [], "scores": [], "masks": [], "embeddings": nothing}, FRAME)
+    assert len(found) == 0
+    assert found.embeddings is None
+
+
 @pytest.mark.parametrize("boxes", ["boxes", "boxes_px", "xyxy"])
 def test_mappings_and_objects(boxes):
     values = {boxes: BOXES, "labels": ["cup", "  "], "scores": [0.1, 0.2], "masks": [None, np.ones((1, 30, 40)) * 0.7]}
@@ -133,6 +140,7 @@ def test_twice_is_once(boxes):
         ({"boxes": [1, 2, 3, 4]}, ["(4,)", "(N, 4)"]),
         ({"boxes": "all of them"}, ["not an array of numbers"]),
         ({"embeddings": [[1.0], [np.inf]]}, ["row 1", "embedding"]),
+        ({"embeddings": []}, ["(0,)", "(N, D)"]),
     ],
 )
 def test_errors_name_frame_source_and_row(changes, words):

@@ -2,6 +2,7 @@
 
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from seo_slam.errors import ConfigError
@@ -49,6 +50,23 @@ def test_a_missing_file_and_a_binary_one_are_named(tmp_path):
         ClassList(("cup",)).write(tmp_path / "no folder" / "classes.txt")
 
 
+def test_however_an_accent_is_spelt_it_is_one_word(tmp_path):
+    apart, together = "cafe\u0301 table", "caf\u00e9 table"
+    assert ClassList((apart,)).words == (together,)
+    assert apart in ClassList((together,))
+    assert together in ClassList((apart,))
+    (tmp_path / "classes.txt").write_text(f"{apart}\n{together}\n", encoding="utf-8")
+    with pytest.raises(ConfigError, match="lines 1 and 2"):
+        ClassList.from_file(tmp_path / "classes.txt")
+
+
+@pytest.mark.parametrize("word", ["c# book", "#1 mug"])
+def test_a_word_that_would_not_be_read_again_is_not_written(tmp_path, word):
+    with pytest.raises(ConfigError, match=rf"'{word}' of my words cannot be written.*wanted words without #"):
+        ClassList(("cup", word), "my words").write(tmp_path / "classes.txt")
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_duplicates_in_words_are_named():
     with pytest.raises(ConfigError, match=r"classes: 'cup', 'shoe' stand more than once"):
         ClassList.of(["cup", "Shoe", "CUP", "shoe", "lamp"])
@@ -62,7 +80,13 @@ def test_a_detector_may_know_its_classes():
     assert ClassList.of_detector(SimpleNamespace(names=("cup", "chair", "cup"))).words == ("cup", "chair")
     assert ClassList.of_detector(SimpleNamespace(labels={0: "cup", 1: "chair"})).words == ("cup", "chair")
     assert ClassList.of_detector(SimpleNamespace(names=lambda: None)) is None
+    assert ClassList.of_detector(SimpleNamespace(classes=np.array(["cup", "chair"]))).words == ("cup", "chair")
     assert ClassList.of_detector(object()) is None
+
+
+@pytest.mark.parametrize("classes", [[0, 2, 5], {2: 41}, np.arange(3), np.array("cup"), "my.txt", ["cup", ["chair"]], ["", " "], [], None])
+def test_what_holds_no_words_is_no_class_list(classes):
+    assert ClassList.of_detector(SimpleNamespace(classes=classes)) is None
 
 
 @pytest.mark.parametrize("label", ["wall", "Brick Wall", "windows", "floor", "glass-wall", "background"])

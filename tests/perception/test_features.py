@@ -76,12 +76,35 @@ def test_without_a_class_list_known_words_are_those_said_so_far():
 
 def test_text_only_is_said_once_a_run():
     made = ObservationFeatures(FeatureSettings(image_weight=0.7, text_weight=0.3), WORDS)
-    features, warnings = made.of(FRAME, BOXES, ("cup", None, "shoe"))
+    features, warnings = made.of(FRAME, BOXES, ("cup", "lamp", "shoe"))
     assert len(warnings) == 1
     assert "words only" in warnings[0]
     assert "'hashed'" in warnings[0]
     assert np.array_equal(features[0], WORDS.embed_text(["cup"])[0])
-    assert made.of(FRAME, BOXES, ("cup", None, "shoe"))[1] == ()
+    assert made.of(FRAME, BOXES, ("cup", "lamp", "shoe"))[1] == ()
+
+
+def test_things_without_any_feature_are_told_of_once_a_run():
+    made = ObservationFeatures(FeatureSettings(image_weight=0.7, text_weight=0.3, null_text=True), WORDS)
+    features, warnings = made.of(FRAME, BOXES, (None,) * 3)
+    assert not features.any()
+    assert len(warnings) == 2
+    assert "features.classes" in warnings[1]
+    assert "image encoder" in warnings[1]
+    assert made.of(FRAME, BOXES, (None,) * 3)[1] == ()
+
+
+@pytest.mark.parametrize(
+    ("settings", "encoder"),
+    [
+        ({"image_weight": 0.7, "null_text": True, "classes": ("cup",)}, None),
+        ({"image_weight": 0.7, "null_text": True}, SeesCrops()),
+        ({}, None),  # words are all that is asked for
+    ],
+)
+def test_nobody_is_told_of_a_missing_feature_where_there_is_one_or_none_is_wanted(settings, encoder):
+    _, warnings = ObservationFeatures(FeatureSettings(**settings), WORDS, encoder).of(FRAME, BOXES, (None,) * 3)
+    assert not any("have no feature" in warning for warning in warnings)
 
 
 def test_nothing_seen_warns_of_nothing():
@@ -107,7 +130,8 @@ def test_the_detectors_own_embeddings_come_first_and_rows_of_zeros_are_asked_for
     assert len(sees.seen) == 2
     assert np.allclose(features[1], WORDS.embed_text(["theirs"])[0])
     blind, warnings = ObservationFeatures(settings, WORDS).of(FRAME, BOXES, (None,) * 3, own)
-    assert warnings == ()
+    (warning,) = warnings
+    assert "have no feature" in warning
     assert np.allclose(blind, [np.zeros(64), features[1], np.zeros(64)])
 
 

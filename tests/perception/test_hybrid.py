@@ -206,6 +206,20 @@ def test_masks_of_another_size_are_named(part):
         HybridDetector(**parts).detect(frame(7.0))
 
 
+def embedded(found, size):
+    return replace(found, embeddings=np.ones((len(found), size)))
+
+
+def test_embeddings_are_of_one_length():
+    named, rest = rows(("cup", RED)), rows((None, BLUE))
+    both = HybridDetector(Says(embedded(named, 4)), Says(embedded(rest, 4)), structure="keep").detect(frame())
+    assert both.embeddings.tolist() == [[1.0] * 4] * 2
+    one = HybridDetector(Says(named), Says(embedded(rest, 3)), structure="keep").detect(frame())
+    assert one.embeddings.tolist() == [[0.0] * 3, [1.0] * 3]
+    with pytest.raises(FrameError, match=r"frame 2 .*detector are 4 long, of the segmenter 3"):
+        HybridDetector(Says(embedded(named, 4)), Says(embedded(rest, 3)), structure="keep").detect(frame(2.0))
+
+
 def test_it_can_be_made_from_a_configuration(tmp_path):
     (tmp_path / "classes.txt").write_text("cup\nshoe\n", encoding="utf-8")
     options = {"detector": "none", "segmenter": {"name": "none"}, "classes": str(tmp_path / "classes.txt"), "settings": {"merge_iou": 0.7}}

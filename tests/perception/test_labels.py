@@ -24,6 +24,8 @@ from seo_slam.perception.labels import MAX_LABEL_CHARACTERS, clean_label
         ("ok\ud800", "ok"),  # a lone surrogate cannot be written to a file
         ("tasse à café", "tasse à café"),
         ("椅子", "椅子"),
+        ("cafe\u0301", "caf\u00e9"),  # one word has one spelling
+        ("cafe\u200b\u0301", "caf\u00e9"),
         (7, "class 7"),
         (np.int64(7), "class 7"),
         (np.str_("mug"), "mug"),

@@ -9,6 +9,14 @@ from seo_slam.geometry import FloatArray
 from seo_slam.interfaces import Embedder
 
 
+def is_of(abstract_map: AbstractMap, embedder: Embedder) -> bool:
+    """Return whether the map's features are of this embedder: of its name, and each of its size."""
+    anchors = abstract_map.anchors
+    carried = [volatile.feature for anchor in anchors for volatile in (*anchor.volatiles, *anchor.hints)]
+    features = [*(anchor.feature for anchor in anchors), *carried]
+    return abstract_map.embedder == embedder.name and all(feature.shape == (embedder.size,) for feature in features)
+
+
 def with_features_of_words(abstract_map: AbstractMap, embedder: Embedder) -> AbstractMap:
     """Return the map with features that ``embedder`` makes of its words: what pictures told is lost, places and layout stay.
 

@@ -84,5 +84,5 @@ def _words_for(numbers: IntArray, path: Path) -> list[str]:
             raise DatasetError(
                 f"{path}: label {number} has {'no word' if word is None else repr(word)[:40]}, wanted a word for every label"
             )
-        out.append(word)
+        out.append(word.strip())
     return out

@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seo_slam.errors import DatasetError
+from seo_slam.geometry import FloatArray
+from seo_slam.types import BoolArray
 
 _TYPES = {
     **{name: kind for names, kind in ((("char", "int8"), "i1"), (("uchar", "uint8"), "u1"), (("short", "int16"), "i2")) for name in names},
@@ -50,7 +52,7 @@ def read_ply(path: Path) -> Ply:
 
     Raises:
         DatasetError: it cannot be read, is no PLY file, is cut off or longer than its header says, or its vertices come after another
-            element, or hold lists.
+            element, hold lists, or, as text, a number that is none of the property's type.
     """
     try:
         data = path.read_bytes()
@@ -123,7 +125,20 @@ def _of_text(data: bytes, header: _Header, path: Path) -> dict[str, NDArray[Any]
     out: dict[str, NDArray[Any]] = {}
     for k, (name, kind) in enumerate(header.fields):
         try:
-            out[name] = np.array([row[k] for row in columns], dtype="S").astype(np.float64).astype(kind)
+            numbers = np.array([row[k] for row in columns], dtype="S").astype(np.float64)
         except ValueError as error:
             raise DatasetError(f"{path}: property {name!r}: {error}") from None
+        out[name], fits = _as_type(numbers, kind)
+        if not fits.all():
+            row = int(np.argmin(fits))
+            wanted = f"wanted a number of type {out[name].dtype}, as the header says"
+            raise DatasetError(f"{path}:{lines[row][0]}: property {name!r} is {columns[row][k].decode('ascii', 'replace'):.40}, {wanted}")
     return out
+
+
+def _as_type(numbers: FloatArray, kind: str) -> tuple[NDArray[Any], BoolArray]:
+    """The numbers (N,) as another type, and which of them that type can hold; fractions may be rounded, whole numbers not changed."""
+    with np.errstate(invalid="ignore", over="ignore"):
+        cast = numbers.astype(kind)
+    fits = cast == numbers if cast.dtype.kind in "iu" else np.isfinite(cast) == np.isfinite(numbers)
+    return cast, np.asarray(fits, dtype=np.bool_)

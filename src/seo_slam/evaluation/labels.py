@@ -1,5 +1,6 @@
 """When a landmark's word names a true object: the label rules of ``landmarks/1``."""
 
+import unicodedata
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
@@ -10,7 +11,7 @@ LabelGroups = Sequence[Sequence[str]]
 
 @dataclass(frozen=True, slots=True)
 class LabelRule:
-    """Decides whether words agree. Case, spaces and underscores never matter.
+    """Decides whether words agree. Case, spaces, underscores and how an accent is spelt never matter.
 
     Attributes:
         name: "exact", "synonyms" or "geometry"; stated in every result.
@@ -60,5 +61,5 @@ class LabelRule:
 
 
 def normal(word: str) -> str:
-    """A word without case, spaces and underscores."""
-    return "".join(word.casefold().replace("_", " ").split())
+    """A word without case, spaces and underscores, its accents spelt as a map spells them."""
+    return "".join(unicodedata.normalize("NFC", word).casefold().replace("_", " ").split())

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from seo_slam.abstraction.abstract_map import AbstractMap, Layout
+from seo_slam.abstraction.from_words import is_of
 from seo_slam.abstraction.scene_cloud import SceneCloud
 from seo_slam.errors import ConfigError, MapError
 from seo_slam.geometry import FloatArray
@@ -85,7 +86,7 @@ class Navigator:
 
         Raises:
             ConfigError: ``seed`` is below 0, or some of ``grid``, ``far`` and ``near`` are given and not all.
-            MapError: the map has anchors and no layout, or features of another embedder.
+            MapError: the map has anchors and no layout, or features of another embedder or size.
             MissingBackendError: the global planner needs the extra ``nav``.
         """
         if seed < 0:
@@ -96,6 +97,8 @@ class Navigator:
             raise MapError(f"navigator: got {len(abstract_map.anchors)} anchors and no layout, wanted a map made with a scene cloud")
         if abstract_map.anchors and abstract_map.embedder and abstract_map.embedder != embedder.name:
             raise MapError(f"navigator: got embedder {embedder.name!r} for a map of {abstract_map.embedder!r}, wanted the same")
+        if abstract_map.anchors and abstract_map.embedder and not is_of(abstract_map, embedder):
+            raise MapError(f"navigator: got embedder {embedder.name!r} of size {embedder.size}, wanted the size of the map's features")
         self._map = abstract_map
         self._mapper = mapper
         self._embedder = embedder

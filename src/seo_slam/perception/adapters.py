@@ -49,7 +49,7 @@ def to_detections(found: Any, image: Frame | Camera, source: str = "detector") -
     n = len(boxes)
     scores = np.ones(n) if scores is None else scores
     labels = (None,) * n if labels is None else labels
-    masks, embeddings = _masks(found, n, camera, where), _embeddings(found, where)
+    masks, embeddings = _masks(found, n, camera, where), _embeddings(found, n, where)
     for name, rows in (("scores", scores), ("labels", labels), ("masks", masks), ("embeddings", embeddings)):
         if rows is not None and len(rows) != n:
             raise FrameError(f"{where}: got {n} boxes and {len(rows)} {name}, wanted as many of each")
@@ -158,11 +158,13 @@ def _masks(found: Any, n: int, camera: Camera, where: str) -> BoolArray | None:
     return out
 
 
-def _embeddings(found: Any, where: str) -> FloatArray | None:
+def _embeddings(found: Any, n: int, where: str) -> FloatArray | None:
     value = _first(found, ("embeddings",))
     if value is None:
         return None
     embeddings = _numbers(value, "embeddings", where)
+    if n == 0 and embeddings.size == 0:  # an empty list says no D
+        return None
     if embeddings.ndim != 2:
         raise FrameError(f"{where}: embeddings are {embeddings.shape}, wanted (N, D)")
     bad = ~np.isfinite(embeddings).all(axis=1)

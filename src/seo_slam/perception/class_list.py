@@ -1,10 +1,13 @@
 """The words that a map is to be made of."""
 
+import unicodedata
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
+
+import numpy as np
 
 from seo_slam.errors import ConfigError
 from seo_slam.perception.labels import MAX_LABEL_CHARACTERS, clean_label
@@ -17,7 +20,7 @@ class ClassList:
     """Words of classes, all different whatever their case.
 
     Attributes:
-        words: as they were written.
+        words: as they were written, but for blanks and for accents, which are spelt as ``clean_label`` spells them.
         source: where they come from, for messages.
 
     Raises:
@@ -30,7 +33,7 @@ class ClassList:
     def __post_init__(self) -> None:
         if isinstance(self.words, str) or not all(isinstance(word, str) for word in self.words):
             raise ConfigError(f"{self.source}: got {self.words!r:.60}, wanted a list of words")
-        object.__setattr__(self, "words", tuple(" ".join(word.split()) for word in self.words))
+        object.__setattr__(self, "words", tuple(_spelt(word) for word in self.words))
         if not self.words:
             raise ConfigError(f"{self.source}: holds no word, wanted at least one class")
         bad = [word for word in self.words if clean_label(word) != word]
@@ -50,8 +53,8 @@ class ClassList:
         return iter(self.words)
 
     def __contains__(self, label: object) -> bool:
-        """Whether a label is one of the classes, whatever its case."""
-        return isinstance(label, str) and label.casefold() in {word.casefold() for word in self.words}
+        """Whether a label is one of the classes, whatever its case, and however its accents are spelt."""
+        return isinstance(label, str) and _spelt(label).casefold() in {word.casefold() for word in self.words}
 
     @classmethod
     def from_file(cls, path: str | Path) -> Self:
@@ -65,7 +68,7 @@ class ClassList:
             lines = file.read_text(encoding="utf-8-sig").splitlines()
         except (OSError, UnicodeDecodeError) as error:
             raise ConfigError(f"{file}: class list cannot be read: {error}") from error
-        read = [(number, " ".join(line.partition("#")[0].split())) for number, line in enumerate(lines, 1)]
+        read = [(number, _spelt(line.partition("#")[0])) for number, line in enumerate(lines, 1)]
         read = [(number, word) for number, word in read if word]
         first: dict[str, int] = {}
         twice = []
@@ -80,12 +83,14 @@ class ClassList:
 
     @classmethod
     def of_detector(cls, detector: Any) -> Self | None:
-        """Return what a detector says it knows (``names``, ``labels`` or ``classes``; of a mapping its values); None if it says nothing."""
+        """Return what a detector says it knows: words in ``names``, ``labels`` or ``classes``, of a mapping its values; else None.
+
+        Whatever else an attribute of such a name holds, numbers of classes or the path of a file, is no list of words.
+        """
         for attribute in ("names", "labels", "classes"):
-            said: Any = getattr(detector, attribute, None)
-            values = list(said.values()) if isinstance(said, Mapping) else said
-            if isinstance(values, list | tuple | ClassList) and values and all(isinstance(word, str) for word in values):
-                return cls(_different(values), f"{attribute} of {type(detector).__name__}")
+            words = _different(_words_in(getattr(detector, attribute, None)))
+            if words:
+                return cls(words, f"{attribute} of {type(detector).__name__}")
         return None
 
     @classmethod
@@ -105,15 +110,29 @@ class ClassList:
         """Write a file that ``from_file`` reads, and return it; a ``header`` is one line that begins with ``#``.
 
         Raises:
-            ConfigError: it cannot be written.
+            ConfigError: it cannot be written, or a word holds a ``#``: what follows that is not read.
         """
         file = Path(path)
+        cut = [word for word in self.words if "#" in word]
+        if cut:
+            raise ConfigError(f"{file}: {cut[0]!r} of {self.source} cannot be written, a # begins a comment there; wanted words without #")
         try:
             lines = [header, *self.words] if header else self.words
             file.write_text("".join(f"{line}\n" for line in lines), encoding="utf-8", newline="\n")
         except OSError as error:
             raise ConfigError(f"{file}: class list cannot be written: {error.strerror}") from error
         return file
+
+
+def _spelt(word: str) -> str:
+    """A word with single blanks and in the one spelling of its accents that labels have."""
+    return unicodedata.normalize("NFC", " ".join(word.split()))
+
+
+def _words_in(said: Any) -> Sequence[str]:
+    values = list(said.values()) if isinstance(said, Mapping) else said.tolist() if isinstance(said, np.ndarray) else said
+    is_words = isinstance(values, list | tuple | ClassList) and all(isinstance(word, str) for word in values)
+    return tuple(values) if is_words else ()
 
 
 def _different(words: Iterable[str]) -> tuple[str, ...]:

@@ -39,7 +39,7 @@ class ObservationFeatures:
         self._encoder: Any = image_encoder if image_encoder is not None else embedder if sees(embedder) else None
         self._words: dict[str, None] = dict.fromkeys(settings.classes)
         self._null: FloatArray | None = None
-        self._warned = False
+        self._warned: set[str] = set()
         self._looker = _name_of(self._encoder) if self._encoder is not None and settings.image_weight > 0 else ""
 
     def of(
@@ -66,12 +66,12 @@ class ObservationFeatures:
             got = f"{len(boxes_px)} boxes, {len(labels)} labels" + ("" if own is None else f", {len(own)} embeddings")
             raise FrameError(f"features, {where}: got {got}, wanted as many of each")
         text = self._text(labels)
-        if self._settings.image_weight == 0 or not len(boxes_px):
-            return text, ()
-        image = self._image(frame, boxes_px, own, where)
-        if image is None:
-            return text, self._warn_once()
-        return _normalised(self._settings.image_weight * image + self._settings.text_weight * text), ()
+        looks = self._settings.image_weight > 0 and len(boxes_px) > 0
+        image = self._image(frame, boxes_px, own, where) if looks else None
+        if image is not None:
+            rows = _normalised(self._settings.image_weight * image + self._settings.text_weight * text)
+            return rows, self._warn_of_bare_rows(rows)
+        return text, (*(self._warn_of_words_only() if looks else ()), *self._warn_of_bare_rows(text))
 
     @property
     def recipe(self) -> FeatureRecipe:
@@ -128,14 +128,26 @@ class ObservationFeatures:
             )
         return rows
 
-    def _warn_once(self) -> tuple[str, ...]:
-        if self._warned:
-            return ()
-        self._warned = True
-        return (
+    def _warn_of_words_only(self) -> tuple[str, ...]:
+        return self._once(
             f"features are of words only: embedder {self._embedder.name!r} does not look at pictures and there is no image encoder, "
-            f"so that image_weight {self._settings.image_weight:g} has no effect",
+            f"so that image_weight {self._settings.image_weight:g} has no effect"
         )
+
+    def _warn_of_bare_rows(self, rows: FloatArray) -> tuple[str, ...]:
+        """Words alone, with neither pictures nor ``null_text``, are asked for where what has no word is not matched by features."""
+        wants_all = self._settings.image_weight > 0 or self._settings.null_text
+        if not wants_all or rows.any(axis=1).all():
+            return ()
+        return self._once(
+            "some things have no feature, neither of a word nor of a picture, and match nothing by it: give words in features.classes "
+            "(with features.null_text), or an image encoder (an embedder that looks at pictures)"
+        )
+
+    def _once(self, warning: str) -> tuple[str, ...]:
+        fresh = warning not in self._warned
+        self._warned.add(warning)
+        return (warning,) if fresh else ()
 
 
 def sees(candidate: Any) -> bool:

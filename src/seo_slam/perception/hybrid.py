@@ -96,14 +96,15 @@ class HybridDetector:
         """Return what is in a frame, each with a mask: first what has a word, then what has none.
 
         Raises:
-            FrameError: the detector, the segmenter or the masker returned what does not fit the image.
+            FrameError: the detector, the segmenter or the masker returned what does not fit the image, or embeddings of two lengths.
         """
         self.notes = ()
         found, background = self.named(frame)
         if self.refine:
             found = merged(found, frame.rgb, self._settings)
         if self.segmenter is not None:
-            found = joined(found, self._unnamed(self.segmenter, frame, found, background))
+            segments = self._unnamed(self.segmenter, frame, found, background)
+            found = joined(found, segments, f"hybrid, frame {frame.index} (t={frame.timestamp_s})")
         return parted(found, self._settings)
 
     def named(self, frame: Frame) -> tuple[Detections, Detections]:

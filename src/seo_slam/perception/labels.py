@@ -18,7 +18,8 @@ def clean_label(label: Any) -> str | None:
     """Return a label as one line of visible text of at most 80 characters.
 
     Control characters, invisible marks (text direction and the like) and lone surrogates are taken out, runs of white space become one
-    blank. A whole number, the class of a detector that knows no words, becomes "class 3".
+    blank, a letter and its accent become one character (Unicode's NFC), so that a word has one spelling. A whole number, the class of a
+    detector that knows no words, becomes "class 3".
 
     Args:
         label: text, a whole number, or None.
@@ -37,7 +38,7 @@ def clean_label(label: Any) -> str | None:
         raise FrameError(f"got a label of type {type(label).__name__} ({label!r:.40}), wanted text or None")
     text = str(label)
     if not (text.isascii() and text.isprintable()):  # the usual label skips the walk over its characters
-        text = "".join(_visible(c) for c in text)
+        text = unicodedata.normalize("NFC", "".join(_visible(c) for c in text))
     return " ".join(text.split())[:MAX_LABEL_CHARACTERS].rstrip() or None
 
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from seo_slam.errors import FrameError
 from seo_slam.perception.mask_overlap import Masks, disjoint, mask_iou, shared_pixels
 from seo_slam.settings.hybrid import HybridSettings
 from seo_slam.types import BoolArray, Detections
@@ -35,16 +36,21 @@ def _overlapping(segments: Masks, others: Masks, iou: float, share: float) -> Bo
     return np.asarray(overlaps.any(axis=1))
 
 
-def joined(detected: Detections, segments: Detections) -> Detections:
-    """Return detections and segments as one, the detections first. Where only one has embeddings, the other's rows are zero."""
+def joined(detected: Detections, segments: Detections, where: str = "hybrid") -> Detections:
+    """Return detections and segments as one, the detections first. Where only one has embeddings, the other's rows are zero.
+
+    Raises:
+        FrameError: their embeddings are of different lengths; says ``where``.
+    """
     if not len(segments):
         return detected
     parts = (detected, segments) if len(detected) else (segments,)
-    sizes = {part.embeddings.shape[1] for part in parts if part.embeddings is not None}
+    sizes = [part.embeddings.shape[1] for part in parts if part.embeddings is not None]
+    if len(set(sizes)) > 1:
+        raise FrameError(f"{where}: embeddings of the detector are {sizes[0]} long, of the segmenter {sizes[1]}; wanted those of one model")
     embeddings = None
-    if len(sizes) == 1:
-        (size,) = sizes
-        embeddings = np.concatenate([np.zeros((len(part), size)) if part.embeddings is None else part.embeddings for part in parts])
+    if sizes:
+        embeddings = np.concatenate([np.zeros((len(part), sizes[0])) if part.embeddings is None else part.embeddings for part in parts])
     return Detections(
         boxes_px=np.concatenate([part.boxes_px for part in parts]),
         labels=tuple(label for part in parts for label in part.labels),

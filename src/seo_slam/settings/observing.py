@@ -14,7 +14,7 @@ class FeatureSettings(Settings):
     text_weight: float = Field(1.0, ge=0, le=1, description="of the word. DualMap: 0.3")
     crop_margin_px: int = Field(20, ge=0, description="pixels shown around a box to the image encoder")
     null_text: bool = Field(False, description="what has no word gets the mean embedding of all known words (DualMap III-A2)")
-    classes: tuple[str, ...] = Field((), description="words for that mean; none: those that the detector has said so far")
+    classes: tuple[str, ...] = Field((), description="words for that mean; none: those that the detector knows, or has said so far")
     only_classes: bool = Field(False, description="detections of other words than features.classes are dropped; needs such words")
 
     @model_validator(mode="after")
