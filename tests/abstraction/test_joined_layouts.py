@@ -49,3 +49,14 @@ def test_far_apart():
     both = joined(layout((0.0, 0.0), np.ones((2, 2))), layout((20.0, 5.0), np.ones((3, 3))))
     assert both.floor.sum() == 13
     assert both.floor.shape == (53, 203)
+
+
+def test_too_far_apart_for_one_grid():
+    told = []
+    known = layout((0.0, 0.0), np.ones((2, 2)))
+    same = joined(known, layout((20.0, 5.0), np.ones((3, 3))), told.append, 53 * 203 - 1)
+    np.testing.assert_array_equal(same.floor, known.floor)
+    assert not same.rooms.any()
+    assert len(told) == 1
+    assert joined(known, known, told.append, 1).floor.shape == (2, 2)
+    assert len(told) == 1

@@ -103,13 +103,13 @@ class SceneCloudThread:
     def layout(self, poses: Mapping[int, FloatArray] | None = None, timeout_s: float = 10.0) -> Layout:
         """Return the layout of all frames handed in so far; see ``SceneCloud.layout``. Also after ``close``.
 
-        Frames that still wait after ``timeout_s`` are not in it.
+        Frames that still wait after ``timeout_s`` are not in it. What is left out of it is a warning.
         """
         self.drain(timeout_s)
         with self._at_cloud:
             for T in self._way:
                 self._cloud.note_way(T)
-            return self._cloud.layout(poses)
+            return self._cloud.layout(poses, self._warnings.put)
 
     def take_warnings(self) -> tuple[str, ...]:
         """Return what went wrong since the last call, and forget it."""
