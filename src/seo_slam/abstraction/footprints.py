@@ -94,6 +94,14 @@ class Region:
         return float(self.mask.sum()) * self.cell_m**2
 
     @cached_property
+    def bounds_world(self) -> tuple[FloatArray, FloatArray]:
+        """Low and high corner (2,) of the cells it covers, world frame; infinity and minus infinity if it has none."""
+        if not self.mask.any():
+            return np.full(2, np.inf), np.full(2, -np.inf)
+        cells = np.argwhere(self.mask)[:, ::-1]
+        return self.corner_world + self.cell_m * cells.min(axis=0), self.corner_world + self.cell_m * (cells.max(axis=0) + 1)
+
+    @cached_property
     def middles_world(self) -> FloatArray:
         """(N, 2) middles of its cells, world frame."""
         return np.asarray(self.corner_world + self.cell_m * (np.argwhere(self.mask)[:, ::-1] + 0.5))
