@@ -112,11 +112,6 @@ class SceneCloud:
         p_world = np.concatenate([transform_points(_pose(kept, poses), kept.p_camera) for kept in self._kept])
         return Voxels.of(p_world, self.settings.voxel_m, np.concatenate([kept.counts for kept in self._kept]))
 
-    @property
-    def points_world(self) -> FloatArray:
-        """(N, 3) one point for each cube of ``voxel_m`` in which something was seen."""
-        return self.voxels().p_world
-
     def way_world(self, poses: Mapping[int, FloatArray] | None = None) -> FloatArray:
         """Return (N, 3) places where the camera was, about every 0.1 m."""
         ways = [transform_points(_pose(kept, poses), np.stack(kept.way_camera)) for kept in self._kept if kept.way_camera]

@@ -18,6 +18,7 @@ from seo_slam.evaluation.navigation import Drive
 from seo_slam.geometry import FloatArray
 from seo_slam.interfaces import Embedder
 from seo_slam.map import Map
+from seo_slam.navigation.motion import path_length_m
 from seo_slam.navigation.navigator import Navigator
 from seo_slam.navigation.outcomes import Attempt, Command, Outcome
 from seo_slam.navigation.query import candidates, parsed
@@ -223,7 +224,7 @@ def attempt_fields(attempt: Attempt) -> dict[str, Any]:
         **found,
         "found_score": score,
         "reason": attempt.reason,
-        "planned_m": round(float(np.linalg.norm(np.diff(attempt.path_world, axis=0), axis=1).sum()), 3),
+        "planned_m": round(path_length_m(attempt.path_world), 3),
     }
 
 
