@@ -243,7 +243,7 @@ def home_jobs(given: argparse.Namespace) -> list[HomeJob]:
         unknown = [word for word in words if word not in known]
         if unknown:
             raise ConfigError(f"--{name}: got {unknown[0]!r}, wanted {', '.join(known)}")
-    for name, least in (("jobs", 1), ("every", 1), ("seed", 0), ("trials", 0)):
+    for name, least in (("jobs", 1), ("every", 1), ("frames", 1), ("seed", 0), ("trials", 0)):
         value = getattr(given, name)
         if value is not None and value < least:
             raise ConfigError(f"--{name}: got {value}, wanted at least {least}")
@@ -273,7 +273,7 @@ def trial_jobs(homes: Sequence[tuple[HomeJob, dict[str, Any]]], given: argparse.
     strategies = [word.strip() for word in given.strategies.split(",")]
     if set(strategies) - set(STRATEGIES):
         raise ConfigError(f"--strategies: got {given.strategies}, wanted some of {', '.join(STRATEGIES)}")
-    options = DriveOptions(rate_hz=given.rate, most_frames=given.frames)
+    options = DriveOptions(rate_hz=given.rate)
     jobs = []
     for home, prepared in homes:
         for trial in map(Trial.from_dict, prepared["trials"]):
@@ -282,7 +282,8 @@ def trial_jobs(homes: Sequence[tuple[HomeJob, dict[str, Any]]], given: argparse.
                     name = f"{home.room}-{home.seed}-{trial.name}-{strategy}"
                     picture = str(given.pictures / f"{name}.svg") if given.pictures else None
                     kept = str(given.out / "drives" / f"{name}.json") if given.out else None
-                    jobs.append(TrialJob(home, trial, NavigationSettings(strategy=strategy), options, picture, kept, given.resume))
+                    settings = NavigationSettings(strategy=strategy, max_steps=given.frames)
+                    jobs.append(TrialJob(home, trial, settings, options, picture, kept, given.resume))
     return jobs
 
 
@@ -304,7 +305,7 @@ def summary(
         "rate_hz": given.rate,
         "size_px": given.size,
         "every": given.every,
-        "navigation": NavigationSettings().model_dump(mode="json"),
+        "navigation": NavigationSettings(max_steps=given.frames).model_dump(mode="json"),
         "table": score_drives(drives),
         "not_successful": [{key: row.get(key) for key in TOLD} for row in rows if not row["success"]],
         "seconds_per_trial": round(sum(d.seconds for d in drives) / len(drives), 2) if drives else None,
@@ -328,7 +329,7 @@ def main(words: Sequence[str] | None = None) -> int:
     parser.add_argument("--embedder", default="minilm", help=f"one of {','.join(EMBEDDERS)}")
     parser.add_argument("--size", default="320x240", metavar="WxH", help="of the images")
     parser.add_argument("--rate", type=float, default=6.0, help="frames a second of the robot")
-    parser.add_argument("--frames", type=int, default=3000, help="of a drive, at most")
+    parser.add_argument("--frames", type=int, default=NavigationSettings().max_steps, help="of a drive, at most")
     parser.add_argument("--every", type=int, default=1, help="map each nth frame of the tour only")
     parser.add_argument("--jobs", type=int, default=2, help="processes")
     parser.add_argument("--maps", metavar="DIR", type=Path, default=Path("navigation-maps"), help="folder in which maps are kept")

@@ -26,7 +26,7 @@ from seo_slam.navigation.cell_graph import CellGraph
 from seo_slam.navigation.global_planner import VoronoiPlanner
 from seo_slam.navigation.grid import NavigationGrid
 from seo_slam.navigation.local_planner import RrtStar
-from seo_slam.navigation.path_smoothing import length_m
+from seo_slam.navigation.motion import path_length_m
 from seo_slam.settings.planning import LayoutSettings, PlannerSettings
 from seo_slam.simulation.apartment import SimulatedApartment
 from seo_slam.simulation.free_space import FreeSpace
@@ -177,7 +177,7 @@ def _asked(
         counts["wrongly_found"] += not joined
         least.append(float(truth.clearance_m(_dense(way)).min()))
         if len(ratios) < COMPARED and np.linalg.norm(a - b) > 0.3:
-            ratios.append(length_m(way) / length_m(cells.way(a, b)))
+            ratios.append(path_length_m(way) / path_length_m(cells.way(a, b)))
     counts["in_collision"] = sum(clearance < grid.radius_m - _TOUCHING_M for clearance in least)
     return {
         "pairs": pairs,

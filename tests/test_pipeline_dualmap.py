@@ -108,6 +108,37 @@ def test_the_floor_of_a_continued_map_grows():
     assert ((rows >= 0) & (rows < after.floor.shape)).all()
 
 
+class Jumping(Standing):
+    """Its pose is 30 km away in one frame."""
+
+    def update(self, frame):
+        self.at_x_m = 3e4 if frame.index == 12 else 0.0
+        return super().update(frame)
+
+
+def test_a_pose_that_jumped_costs_neither_the_layout_nor_the_map(tmp_path):
+    made = mapped(pipeline(both))
+    with pipeline(both, odometry=Jumping()) as running:
+        for frame in frames(20):
+            running.step(frame)
+        result = running.result()
+    (told,) = (text for text in result.warnings if text.startswith("layout: "))
+    assert "has a pose jumped?" in told
+    layout = Map.load(result.map.save(tmp_path)).abstract.layout
+    assert layout.floor.shape == made.abstract.layout.floor.shape
+    assert layout.floor[made.abstract.layout.floor].all()
+
+
+def test_a_map_that_is_continued_far_off_keeps_its_floor():
+    made = mapped(pipeline(both))
+    with pipeline(both, odometry=Standing(at_x_m=3e4), map=made) as running:
+        for frame in frames(20):
+            running.step(frame)
+        result = running.result()
+    assert any(text.startswith("layout: the floor that was seen now is left out") for text in result.warnings)
+    np.testing.assert_array_equal(result.map.abstract.layout.floor, made.abstract.layout.floor)
+
+
 def test_with_another_embedder_the_abstract_map_is_made_anew():
     class Other(HashedEmbedder):
         name = "other"

@@ -30,6 +30,10 @@ class NoAbstraction:
         """Return the one there was."""
         return before
 
+    def take_warnings(self) -> tuple[str, ...]:
+        """Return none."""
+        return ()
+
     def close(self) -> None:
         """Nothing is held."""
 
@@ -49,12 +53,13 @@ class Abstraction:
         self._config = config
         self._embedder = embedder
         self._scene = SceneCloudThread(config.layout)
+        self._warnings: list[str] = []
 
     def see(self, frame: Frame, T_world_camera: FloatArray, keyframe: int) -> tuple[str, ...]:
         """Take a keyframe if the camera has moved enough; return warnings. Waits for nothing in the background."""
         if frame.has_depth:
             self._scene.add(frame.depth_m, frame.camera, T_world_camera, keyframe)
-        return self._scene.take_warnings()
+        return self.take_warnings()
 
     def abstract(
         self, landmarks: Sequence[Landmark], poses: FloatArray, before: AbstractMap | None = None, tentative: Sequence[Landmark] = ()
@@ -71,9 +76,14 @@ class Abstraction:
         made = abstract(landmarks, self._embedder, self._config.abstraction, layout, tentative=tentative)
         if before is not None:
             made = updated(before, made, self._config.abstraction)
-            layout = layout if before.layout is None else joined(before.layout, layout)
+            layout = layout if before.layout is None else joined(before.layout, layout, self._warnings.append)
         layout, rooms = self._with_rooms(layout, made.anchors, self._embedder, self._config.layout)
         return AbstractMap(made.anchors, layout, rooms, made.embedder, made.features)
+
+    def take_warnings(self) -> tuple[str, ...]:
+        """Return what went wrong in the scene cloud, and what was left out of layouts, since the last call."""
+        found, self._warnings = (*self._scene.take_warnings(), *self._warnings), []
+        return found
 
     def close(self) -> None:
         """End the thread."""

@@ -282,6 +282,7 @@ class Pipeline:
         concrete = self.snapshot()
         before = None if self._old_map is None else self._old_map.abstract
         abstract = self._abstraction.abstract(concrete.landmarks, poses, before, concrete.tentative) if self._path else before
+        counts.warnings.add(self._abstraction.take_warnings())
         all_poses = [poses[keyframe] @ T for _, keyframe, T in self._path]
         return RunResult(
             map=concrete.with_abstract(abstract),

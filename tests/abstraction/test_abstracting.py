@@ -7,6 +7,8 @@ import pytest
 from boxes_of_points import chair_points, landmark, on_box, shelf_points, table_points, thing_points
 
 from seo_slam.abstraction.abstracting import abstract
+from seo_slam.abstraction.footprints import Region
+from seo_slam.abstraction.relations import Body, Carrier, best_relation, inside, is_carried, next_to, on
 from seo_slam.errors import MapError
 
 CUP_ON = thing_points(0.6, 0.4, 0.74)
@@ -116,3 +118,50 @@ def test_an_id_twice_or_a_place_that_is_none_is_refused(embedder, settings):
         abstract([row, row], embedder, settings)
     with pytest.raises(MapError, match="landmark 1 is at no finite place"):
         abstract([replace(row, cloud_world=np.full((3, 3), np.nan))], embedder, settings)
+
+
+def best_of_all(body, carriers, settings):
+    """What ``best_relation`` is to find, with every anchor looked at."""
+    for kind, test in (("on", on), ("in", inside), ("next to", next_to)):
+        scores = [(test(body, carrier, settings), i) for i, carrier in enumerate(carriers)]
+        known = [(-round(score, 9), i) for score, i in scores if score is not None]
+        if known:
+            return min(known)[1], kind
+    return None
+
+
+def drawn_points(draws, size_m):
+    """A cloud somewhere in 6 x 6 m: a box, or a line, or a single point, with some stray points beside it."""
+    size = draws.uniform(0.05, 1.0, 3) * size_m * (draws.random(3) > 0.1)
+    points = draws.uniform(0, 6, 3) * (1, 1, 0.05) + draws.uniform(-0.5, 0.5, (int(draws.integers(1, 200)), 3)) * size
+    stray = points[: len(points) // 20] + draws.normal(0.0, 0.3, (len(points) // 20, 3))
+    return np.concatenate([points, stray])
+
+
+@pytest.mark.parametrize("next_to_m", [0.0, 0.3, 2.0])
+@pytest.mark.parametrize("seed", range(4))
+def test_the_anchors_that_are_not_looked_at_could_carry_nothing(settings, seed, next_to_m):
+    draws = np.random.default_rng(seed)
+    loose = settings.model_copy(update={"next_to_m": next_to_m, "on_overlap": 0.05, "in_share": 0.05, "in_enclosed": 0.0})
+    carriers = [Carrier.of(Body.of(drawn_points(draws, 1.5), anchor=True), loose) for _ in range(40)]
+    bodies = [Body.of(drawn_points(draws, 0.4), anchor=False) for _ in range(150)]
+    found = [best_relation(body, carriers, loose) for body in bodies]
+    assert found == [best_of_all(body, carriers, loose) for body in bodies]
+    assert {kind for _, kind in filter(None, found)} == {"on", "in", "next to"}
+    carried = [any(test(body, carrier, loose) is not None for carrier in carriers for test in (on, inside)) for body in bodies]
+    assert [is_carried(body, carriers, loose) for body in bodies] == carried
+    assert best_relation(bodies[0], [], loose) is None
+
+
+def test_anchors_that_are_far_off_are_not_looked_at(settings, monkeypatch):
+    looked = []
+    contains = Region.contains
+
+    def counted(region, xy_world):
+        looked.append(region)
+        return contains(region, xy_world)
+
+    carriers = [Carrier.of(Body.of(table_points((3.0 * k, 0.0)), anchor=True), settings) for k in range(20)]
+    monkeypatch.setattr(Region, "contains", counted)
+    assert best_relation(Body.of(thing_points(6.6, 0.4, 0.74), anchor=False), carriers, settings) == (2, "on")
+    assert looked == [carriers[2].region]

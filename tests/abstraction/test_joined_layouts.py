@@ -34,7 +34,7 @@ def test_the_ground_of_both_in_the_cells_of_the_first():
         assert grid[row, column], point
     assert both.obstacles.sum() == 2
     assert both.walls.sum() == 1
-    assert not both.rooms.any()
+    assert both.rooms.sum() == known.rooms.sum()  # what was added is of no room yet
 
 
 def test_the_same_again_changes_nothing_but_rooms():
@@ -49,3 +49,13 @@ def test_far_apart():
     both = joined(layout((0.0, 0.0), np.ones((2, 2))), layout((20.0, 5.0), np.ones((3, 3))))
     assert both.floor.sum() == 13
     assert both.floor.shape == (53, 203)
+
+
+def test_too_far_apart_for_one_grid():
+    told = []
+    known = layout((0.0, 0.0), np.ones((2, 2)))
+    same = joined(known, layout((20.0, 5.0), np.ones((3, 3))), told.append, 53 * 203 - 1)
+    assert same is known
+    assert len(told) == 1
+    assert joined(known, known, told.append, 1).floor.shape == (2, 2)
+    assert len(told) == 1

@@ -136,6 +136,35 @@ def test_an_empty_cloud_gives_an_empty_layout():
     assert not layout.walls.any()
 
 
+def test_what_lies_so_far_off_that_the_grid_would_be_too_large_is_left_out():
+    """One frame with a pose that jumped; a room of two parts, which has room in the grid, stays whole."""
+    near = np.concatenate([room(), room() + np.array([9.0, 0.0, 0.0])])
+    far = plane((300.0, -500.0), (301.0, -499.0), 40.0)
+    way = np.array([[0.5, 0.5, 1.2], [300.5, -499.5, 41.2]])
+    told = []
+    small = {"warn": told.append, "most_cells": 30_000}
+    layout = layout_of(Voxels.of(np.concatenate([near, far]), 0.05), way, LayoutSettings(), **small)
+    assert len(told) == 1
+    assert "400 of " in told[0]
+    alone = layout_of(Voxels.of(near, 0.05), way[:1], LayoutSettings(), **small)
+    assert len(told) == 1
+    for name in ("corner_world", "walls", "obstacles", "floor"):
+        np.testing.assert_array_equal(getattr(layout, name), getattr(alone, name))
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_one_piece_that_is_too_large_is_cut(turned):
+    hall = plane((0, 0), (40, 3), 0.0)
+    hall = hall[:, [1, 0, 2]] if turned else hall
+    told = []
+    layout = layout_of(Voxels.of(hall, 0.05), NO_WAY, LayoutSettings(), warn=told.append, most_cells=20_000)
+    assert len(told) == 1
+    assert 18_000 < layout.floor.size <= 20_000
+    assert layout.floor.mean() > 0.9
+    middle = 0.5 * (layout.middles(np.array([[0, 0]])) + layout.middles(np.array([layout.floor.shape]) - 1))[0]
+    np.testing.assert_allclose(middle, (1.5, 20.0) if turned else (20.0, 1.5), atol=0.2)
+
+
 def test_the_grid_is_aligned_so_that_layouts_can_be_laid_over_each_other():
     a = layout_of(Voxels.of(room(), 0.05), NO_WAY, LayoutSettings())
     b = layout_of(Voxels.of(room()[::3] + np.array([0.73, -2.11, 0.0]), 0.05), NO_WAY, LayoutSettings())

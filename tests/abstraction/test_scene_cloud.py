@@ -46,7 +46,7 @@ def test_the_points_lie_where_they_were_seen_one_a_cube():
     cloud = SceneCloud(ALL)
     for T in (looking_down(0.3 * k, 0.0, 1.21) for k in range(4)):
         cloud.add(floor_depth(T, 0.01), CAMERA, T)
-    points = cloud.points_world
+    points = cloud.voxels().p_world
     assert np.abs(points[:, 2] - 0.01).max() < 1e-5
     assert len(points) == len(np.unique(np.floor(points[:, :2] / 0.05), axis=0))
 
@@ -58,7 +58,7 @@ def test_pixels_without_depth_and_far_ones_are_left_out():
     depth[0] = 0.0
     depth[1] = np.nan
     assert cloud.add(depth, CAMERA, np.eye(4))
-    assert set(np.round(cloud.points_world[:, 2], 4)) == {1.0}
+    assert set(np.round(cloud.voxels().p_world[:, 2], 4)) == {1.0}
     assert cloud._known.share_of_new(np.array([[0.0, 0.0, 3.0]])) == 1.0
     assert not SceneCloud().add(np.zeros((60, 80), dtype=np.float32), CAMERA, np.eye(4))
 
@@ -79,7 +79,7 @@ def test_a_loop_closure_moves_the_cloud():
         cloud.add(floor_depth(T), CAMERA, T, key=key)
     moved = exp([0.0, 0.0, 0.5, 3.0, 1.0, 0.2])
     new = {10: moved @ looking_down(0, 0), 20: moved @ looking_down(1, 0)}
-    before, after = transform_points(moved, cloud.points_world), cloud.voxels(new).p_world
+    before, after = transform_points(moved, cloud.voxels().p_world), cloud.voxels(new).p_world
     assert cKDTree(after).query(before)[0].max() < 0.09  # other cubes, other means
     np.testing.assert_allclose(cloud.way_world(new), transform_points(moved, cloud.way_world()), atol=1e-9)
     assert cloud.layout(new).floor.sum() == pytest.approx(cloud.layout().floor.sum(), rel=0.1)
@@ -100,7 +100,7 @@ def test_the_same_frames_give_the_same_layout():
 
 def test_an_empty_cloud_has_an_empty_layout():
     cloud = SceneCloud()
-    assert len(cloud.points_world) == 0
+    assert len(cloud.voxels().p_world) == 0
     assert not cloud.layout().floor.any()
 
 

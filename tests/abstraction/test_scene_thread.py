@@ -133,3 +133,25 @@ def test_the_way_between_frames_is_floor_in_both_modes():
         assert layout.floor[tuple(layout.cells(on_way).T)].all()
         found.append(layout)
     assert np.array_equal(found[0].floor, found[1].floor)
+
+
+def test_a_robot_that_stands_still_on_the_border_of_cells_adds_nothing():
+    with SceneCloudThread(LayoutSettings(**SETTINGS)) as cloud:
+        walk(cloud, 2)
+        kept = []
+        for k in range(100):
+            cloud.add(DEPTH, CAMERA, pose(0.2 + (0.001 if k % 2 else -0.001)))
+            kept.append(len(cloud._way))
+    assert kept[1] == kept[-1] == 2
+
+
+def test_a_walk_to_and_fro_gives_the_same_way_in_both_modes():
+    there = np.random.default_rng(0).normal(0.0, 0.12, 200).cumsum() % 3.0
+    ways = []
+    for mode in ("inline", "background"):
+        with SceneCloudThread(LayoutSettings(**SETTINGS, mode=mode, queue=300)) as cloud:
+            for x_m in there:
+                cloud.add(DEPTH, CAMERA, pose(x_m))
+            cloud.layout()
+        ways.append(cloud._cloud.way_world())
+    np.testing.assert_array_equal(*ways)

@@ -8,6 +8,7 @@ from boxes_of_points import WordEmbedder, chair_points, landmark, shelf_points, 
 
 from seo_slam.abstraction.abstract_map import AbstractMap, Layout, Room
 from seo_slam.abstraction.abstracting import abstract
+from seo_slam.abstraction.footprints import box_share
 from seo_slam.abstraction.updating import updated
 from seo_slam.errors import MapError
 
@@ -146,6 +147,27 @@ def test_boxes_may_stand_in_for_cells(seen, settings):
     boxes = settings.model_copy(update={"overlap": "boxes"})
     (anchor,) = updated(seen(table(), CUP), seen(table(5)), boxes).anchors
     assert anchor.volatiles == ()
+
+
+@pytest.mark.parametrize("overlap", ["cells", "boxes"])
+@pytest.mark.parametrize("points", [1, 4])
+def test_a_footprint_without_area_is_known_again(seen, settings, overlap, points):
+    made = seen(table())
+    thin = replace(made.anchors[0], footprint_world=np.array([[1.0 + 0.05 * k, 1.0] for k in range(points)]))
+    old = now = replace(made, anchors=(thin,))
+    for _ in range(5):
+        now = updated(now, old, settings.model_copy(update={"overlap": overlap}))
+    assert len(now.anchors) == 1
+
+
+def test_the_share_of_a_box_in_another():
+    square, half = np.array([[0.0, 0.0], [1.0, 1.0]]), np.array([[0.5, 0.0], [1.5, 1.0]])
+    assert box_share(square, half, 0.05) == pytest.approx(0.5)
+    assert box_share(square, half + 5.0, 0.05) == 0.0
+    line = np.array([[0.2, 0.5], [0.6, 0.5]])
+    assert box_share(line, square, 0.05) == pytest.approx(1.0)
+    assert box_share(square, line, 0.05) == pytest.approx(0.4 * 0.05)
+    assert box_share(line, line + np.array([0.0, 0.02]), 0.05) == pytest.approx(0.6)
 
 
 def test_nothing_in_or_out(seen, settings):

@@ -131,6 +131,7 @@ def test_a_drive_that_raises_is_a_row(tmp_path, capsys, monkeypatch):
         (["--mapper", "lidar"], "--mapper"),
         (["--strategies", "best"], "--strategies"),
         (["--jobs", "0"], "--jobs"),
+        (["--frames", "0"], "--frames"),
         (["--size", "big"], "size"),
         (["--level", "-1"], "level"),
     ],

@@ -10,7 +10,7 @@ import pytest
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "driving"))
 from driven_homes import apartment, mapped
 
-from seo_slam.driving import homes
+from seo_slam.driving import home_map, homes
 from seo_slam.map import Map
 from seo_slam.navigation.navigator import Navigator
 from seo_slam.simulation.resting import anchors_of
@@ -83,6 +83,22 @@ def test_settings_reach_the_robot(run, map_folder, planned, monkeypatch):
     search, planner, abstraction, layout = made[0]
     assert (search.attempts, planner.radius_m, abstraction.next_to_m, layout.cell_m) == (7, 0.2, 0.5, 0.06)
     assert [row[0].strategy for row in made] == ["random", "original"]
+
+
+@pytest.mark.parametrize("name", ["", "map.json"])
+@pytest.mark.parametrize("is_there", [True, False])
+def test_a_world_is_mapped_only_where_there_is_no_map(run, map_folder, planned, monkeypatch, tmp_path, name, is_there):
+    made = []
+
+    def map_home(home, make_mapper, embedder, settings, folder, progress):
+        made.append(folder)
+        return mapped()
+
+    monkeypatch.setattr(home_map, "map_home", map_home)
+    folder = map_folder if is_there else tmp_path / "new"
+    status, out, _ = run("navigate", folder / name, "qzxv wvkj", *SMALL, "--make-map", "--set", "navigation.unknown=answer")
+    assert (status, "\nnot found " in out) == (1, True)
+    assert made == ([] if is_there else [folder])
 
 
 @pytest.mark.parametrize(("off_m", "is_refused"), [((0.1, 0.1), False), ((1.5, 1.0), True), ((40.0, 0.0), True)])

@@ -8,7 +8,8 @@ from driven_homes import apartment
 
 from seo_slam.abstraction.abstract_map import AbstractMap, Anchor, Volatile
 from seo_slam.driving.judging import distance_m, edge_m, is_mapped, judged_stop, shortest_m
-from seo_slam.driving.trials import SUCCESS_M, Trial, make_trials
+from seo_slam.driving.trials import Trial, make_trials
+from seo_slam.evaluation.navigation import SUCCESS_M
 from seo_slam.simulation.resting import anchors_of
 from seo_slam.simulation.shortest import ShortestWays
 from seo_slam.simulation.standpoints import SEEN_SHARE, Standpoints

@@ -22,15 +22,30 @@ from seo_slam.settings.navigation import NavigationSettings
 from seo_slam.simulation.resting import anchors_of
 
 
-def driven(trial, **options):
+def driven(trial, make_mapper=TrueMapper, **settings):
     return run_trial(
         apartment(),
         mapped(),
         trial,
-        make_mapper=TrueMapper,
+        make_mapper=make_mapper,
         embedder=HashedEmbedder(),
-        options=DriveOptions(rate_hz=3.0, **options),
+        settings=NavigationSettings(**settings),
+        options=DriveOptions(rate_hz=3.0),
     )
+
+
+class LostMapper(TrueMapper):
+    """Its odometry is lost from the first frame on."""
+
+    def step(self, frame):
+        return replace(super().step(frame), odometry_status="lost")
+
+
+class BlindMapper(TrueMapper):
+    """It is never shown anything."""
+
+    def show(self, timestamp_s, view):
+        """See nothing."""
 
 
 def easy_trial():
@@ -110,18 +125,27 @@ def test_the_robot_finds_a_thing_that_stands_where_it_was(tmp_path):
     assert thing.label in picture
 
 
-def test_a_drive_that_is_cut_short_gave_up():
+@pytest.mark.parametrize("make_mapper", [TrueMapper, LostMapper])
+def test_a_drive_that_is_cut_short_gave_up(make_mapper):
     trial, _ = easy_trial()
-    result = driven(trial, most_frames=2)
+    result = driven(trial, make_mapper, max_steps=2)
     assert (result.drive.ending, result.drive.failure) == ("gave_up", "gave up")
-    assert len(result.xy_world) == 3
+    assert "in 2 frames" in result.outcome.reason
     np.testing.assert_allclose(result.xy_world[-1], trial.start_xy, atol=0.5)
+
+
+def test_a_drive_that_runs_out_of_frames_keeps_what_was_tried():
+    trial, _ = easy_trial()
+    result = driven(trial, BlindMapper, max_steps=120)
+    assert result.drive.ending == "gave_up"
+    assert result.drive.attempts == result.outcome.places_gone_to > 0
+    assert all(row["reason"] for row in result.as_dict()["log"])
 
 
 def test_what_nothing_is_called_is_not_found():
     trial = errand(apartment(), "qzxv")
     assert trial.target_ids == ()
-    result = driven(trial, most_frames=4)
+    result = driven(trial, max_steps=4)
     assert not result.outcome.found
     assert result.target_world is None
     assert json.loads(json.dumps(result.as_dict()))["distance_m"] is None
@@ -154,7 +178,7 @@ def test_an_errand_for_furniture_moves_other_things():
 
 def test_pictures_and_mappers_have_names(tmp_path):
     trial, _ = easy_trial()
-    result = driven(trial, most_frames=1)
+    result = driven(trial, max_steps=1)
     with pytest.raises(ConfigError, match=r"\.svg"):
         write_picture(mapped(), result, tmp_path / "search.png")
     with pytest.raises(ConfigError, match="no folder"):

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 from driven_homes import apartment
 
-from seo_slam.driving.trials import START_AWAY_M, SUCCESS_M, Trial, bearing, make_trials, phrase
+from seo_slam.driving.trials import START_AWAY_M, Trial, bearing, make_trials, phrase
 from seo_slam.errors import ConfigError, DatasetError
+from seo_slam.evaluation.navigation import SUCCESS_M
 from seo_slam.simulation.resting import anchors_of
 from seo_slam.simulation.shortest import ShortestWays
 

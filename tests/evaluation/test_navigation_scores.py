@@ -106,6 +106,18 @@ def test_the_table_has_a_row_for_every_kind_and_strategy_and_home():
     assert json.loads(json.dumps(table)) == table
 
 
+def test_a_success_where_no_shortest_way_was_found_went_the_shortest():
+    drive = Drive.from_dict(json.loads(json.dumps(replace(GOOD, shortest_m=np.inf).as_dict())))
+    assert drive.path_share == 1.0
+    assert score_drives([GOOD, drive])[0]["spl"] == pytest.approx(0.9)
+
+
+def test_retrieval_is_a_share_of_all_trials():
+    failed = Drive("apartment 10", "static", "updated", 1, "the cup", "failed", error="KeyError: 3")
+    row = score_drives([GOOD, failed, failed, failed])[0]
+    assert (row["success_rate"], row["retrieval_object"], row["retrieval_anchor"]) == (0.25, 0.25, 0.0)
+
+
 def test_retrieval_of_nothing_is_none():
     assert score_drives([replace(GOOD, retrieved_object_m=None)])[0]["retrieval_object"] is None
 

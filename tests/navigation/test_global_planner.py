@@ -8,7 +8,8 @@ from seo_slam.errors import FrameError, NoPathError
 from seo_slam.navigation.cell_graph import CellGraph
 from seo_slam.navigation.global_planner import VoronoiPlanner
 from seo_slam.navigation.grid import NavigationGrid
-from seo_slam.navigation.path_smoothing import length_m, shortened
+from seo_slam.navigation.motion import path_length_m
+from seo_slam.navigation.path_smoothing import shortened
 from seo_slam.settings.planning import PlannerSettings
 
 WALLED, OPEN = "#" + "." * 19 + "#" + "." * 19 + "#", "#" + "." * 39 + "#"
@@ -79,7 +80,9 @@ def test_the_way_goes_through_the_door_and_keeps_away_from_walls(rooms):
 
 def test_ways_are_not_much_longer_than_the_shortest(rooms):
     cells = CellGraph(rooms.grid)
-    ratios = [length_m(rooms.path(a, b)) / length_m(cells.way(a, b)) for a, b in pairs(rooms.grid, 80) if np.linalg.norm(a - b) > 0.5]
+    ratios = [
+        path_length_m(rooms.path(a, b)) / path_length_m(cells.way(a, b)) for a, b in pairs(rooms.grid, 80) if np.linalg.norm(a - b) > 0.5
+    ]
     assert np.mean(ratios) < 1.15
 
 

@@ -94,6 +94,14 @@ class Region:
         return float(self.mask.sum()) * self.cell_m**2
 
     @cached_property
+    def bounds_world(self) -> tuple[FloatArray, FloatArray]:
+        """Low and high corner (2,) of the cells it covers, world frame; infinity and minus infinity if it has none."""
+        if not self.mask.any():
+            return np.full(2, np.inf), np.full(2, -np.inf)
+        cells = np.argwhere(self.mask)[:, ::-1]
+        return self.corner_world + self.cell_m * cells.min(axis=0), self.corner_world + self.cell_m * (cells.max(axis=0) + 1)
+
+    @cached_property
     def middles_world(self) -> FloatArray:
         """(N, 2) middles of its cells, world frame."""
         return np.asarray(self.corner_world + self.cell_m * (np.argwhere(self.mask)[:, ::-1] + 0.5))
@@ -127,12 +135,20 @@ class Region:
         return np.asarray(inside.reshape(self.mask.shape))
 
 
-def box_share(a_world: FloatArray, b_world: FloatArray) -> float:
-    """Return the share of the box of points (N, 2) that lies in the box of others (M, 2); 0 if it has no area."""
-    low = np.maximum(a_world.min(axis=0), b_world.min(axis=0))
-    high = np.minimum(a_world.max(axis=0), b_world.max(axis=0))
-    area = float(np.prod(np.ptp(a_world, axis=0)))
-    return float(np.prod(np.maximum(high - low, 0.0))) / area if area > 0 else 0.0
+def box_share(a_world: FloatArray, b_world: FloatArray, voxel_m: float) -> float:
+    """Return the share of the box of points (N, 2) that lies in the box of others (M, 2), world frame; N and M are at least 1.
+
+    A side counts as at least ``voxel_m`` long, so that a footprint of one row of points has an area too.
+    """
+    (a_low, a_high), (b_low, b_high) = _box(a_world, voxel_m), _box(b_world, voxel_m)
+    shared = np.maximum(np.minimum(a_high, b_high) - np.maximum(a_low, b_low), 0.0)
+    return float(np.prod(shared) / np.prod(a_high - a_low))
+
+
+def _box(xy_world: FloatArray, least_m: float) -> tuple[FloatArray, FloatArray]:
+    low, high = xy_world.min(axis=0), xy_world.max(axis=0)
+    wider_m = np.maximum(least_m - (high - low), 0.0) / 2.0
+    return low - wider_m, high + wider_m
 
 
 def _disc(radius: int) -> BoolArray:

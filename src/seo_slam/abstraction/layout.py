@@ -4,19 +4,23 @@ The paper's occupancy is a histogram of the points with a threshold at its 90th 
 must not bump into a stool we also keep where something stands between the floor and the robot's height, and where floor was seen.
 """
 
-from collections.abc import Sequence
+import logging
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import ndimage
 
 from seo_slam.abstraction.abstract_map import Layout
+from seo_slam.abstraction.extent import MOST_CELLS, within_reach
 from seo_slam.abstraction.floor_height import floor_plane, heights_above
 from seo_slam.abstraction.seen_over import View, low_on_rays
 from seo_slam.abstraction.voxels import Voxels
 from seo_slam.geometry import FloatArray
 from seo_slam.settings.planning import LayoutSettings
 from seo_slam.types import BoolArray, IntArray
+
+_LOG = logging.getLogger(__name__)
 
 _DROP_M = 0.3  # so far below the floor no noise makes points
 _SQUARE = np.ones((3, 3), dtype=np.bool_)
@@ -37,7 +41,14 @@ class _Raster:
         return np.asarray(summed.reshape(rows, columns), dtype=np.float64)
 
 
-def layout_of(voxels: Voxels, way_world: FloatArray, settings: LayoutSettings, views: Sequence[View] = ()) -> Layout:
+def layout_of(
+    voxels: Voxels,
+    way_world: FloatArray,
+    settings: LayoutSettings,
+    views: Sequence[View] = (),
+    warn: Callable[[str], None] = _LOG.warning,
+    most_cells: int = MOST_CELLS,
+) -> Layout:
     """Return the layout of what was seen; without rooms.
 
     Args:
@@ -45,10 +56,13 @@ def layout_of(voxels: Voxels, way_world: FloatArray, settings: LayoutSettings, v
         way_world: (N, 3) where the camera was.
         settings: see there.
         views: of which frames the points are; floor that they looked over low enough counts as seen.
+        warn: is told what was left out, far off from most of what was seen, since the grid would have been too large.
+        most_cells: that it may have.
     """
     if not len(voxels.p_world):
         nothing = np.zeros((1, 1), dtype=np.bool_)
         return Layout(np.zeros(2), settings.cell_m, nothing, nothing, nothing, np.zeros((1, 1), dtype=np.int16))
+    voxels, way_world = _within_reach(voxels, way_world, settings, most_cells, warn)
     raster = _raster(np.concatenate([voxels.p_world, way_world])[:, :2], len(voxels.p_world), settings)
     plane = floor_plane(voxels.p_world, way_world)
     above_m = heights_above(plane, voxels.p_world)
@@ -61,6 +75,21 @@ def layout_of(voxels: Voxels, way_world: FloatArray, settings: LayoutSettings, v
     walls = _walls(raster, above_m, settings)
     seen = Layout(raster.corner_world, settings.cell_m, walls, obstacles, floor, np.zeros(raster.shape, dtype=np.int16))
     return replace(seen, floor=(floor | over | _walked(seen, way_world, settings)) & ~obstacles)
+
+
+def _within_reach(
+    voxels: Voxels, way_world: FloatArray, settings: LayoutSettings, most_cells: int, warn: Callable[[str], None]
+) -> tuple[Voxels, FloatArray]:
+    """What one grid can cover: a single pose that jumped would make it grow with the square of the distance."""
+    xy_world, seen = np.concatenate([voxels.p_world, way_world])[:, :2], len(voxels.p_world)
+    kept = within_reach(xy_world, seen, settings.cell_m * settings.bin_cells, most_cells / settings.bin_cells**2)
+    if kept.all():
+        return voxels, way_world
+    warn(
+        f"layout: {np.sum(~kept[:seen])} of {seen} places that were seen are left out: they lie so far off that it would have more than "
+        f"{most_cells} cells; has a pose jumped?"
+    )
+    return Voxels(voxels.p_world[kept[:seen]], voxels.counts[kept[:seen]]), way_world[kept[seen:]]
 
 
 def _obstacles(standing: FloatArray, on_floor: FloatArray, settings: LayoutSettings) -> BoolArray:

@@ -6,6 +6,7 @@ closed, and a thing's bottom may be further above a plane than below it.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Self
 
 import numpy as np
@@ -25,6 +26,7 @@ _FEW = 50
 _FOOT_M, _FOOT_SHARE = 0.12, 0.4
 _BY_HEIGHT = 0.5
 """What a bottom at the very limit costs against a share of the footprint."""
+_ROUNDING_M = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,6 +48,11 @@ class Body:
         stray = (_STRAY_OF_ANCHOR if anchor else _STRAY) if len(p_world) >= _FEW else 0.0
         low, high = np.percentile(p_world, [stray, 100.0 - stray], axis=0)
         return cls(p_world, low, high)
+
+    @cached_property
+    def bounds_world(self) -> tuple[FloatArray, FloatArray]:
+        """Low and high corner (2,) of all its points seen from above, stray ones too."""
+        return self.p_world[:, :2].min(axis=0), self.p_world[:, :2].max(axis=0)
 
     @property
     def longest_m(self) -> float:
@@ -124,9 +131,10 @@ def best_relation(body: Body, carriers: Sequence[Carrier], settings: Abstraction
     The kinds are tried in the order of the settings; within a kind the best anchor wins, the first on a tie. So a thing belongs to one
     anchor: two tables that could both carry it stand together, and a robot that goes to either sees both.
     """
+    near = _near(body, carriers, settings)
     for kind in settings.relations:
-        scores = [_TESTS[kind](body, carrier, settings) for carrier in carriers]
-        known = [(-round(score, 9), i) for i, score in enumerate(scores) if score is not None]
+        scores = [(_TESTS[kind](body, carriers[i], settings), i) for i in near]
+        known = [(-round(score, 9), i) for score, i in scores if score is not None]
         if known:
             return min(known)[1], kind
     return None
@@ -134,7 +142,17 @@ def best_relation(body: Body, carriers: Sequence[Carrier], settings: Abstraction
 
 def is_carried(body: Body, carriers: Sequence[Carrier], settings: AbstractionSettings) -> bool:
     """Whether a thing is on or in one of some anchors."""
-    return any(test(body, carrier, settings) is not None for carrier in carriers for test in (on, inside))
+    return any(test(body, carriers[i], settings) is not None for i in _near(body, carriers, settings) for test in (on, inside))
+
+
+def _near(body: Body, carriers: Sequence[Carrier], settings: AbstractionSettings) -> list[int]:
+    """Indices of the anchors that a thing can be related to at all: their boxes are at most ``next_to_m`` apart, seen from above."""
+    if not carriers:
+        return []
+    low, high = body.bounds_world
+    boxes = np.array([carrier.region.bounds_world for carrier in carriers])
+    apart_m = np.maximum(boxes[:, 0] - high, low - boxes[:, 1]).max(axis=1)
+    return [int(i) for i in np.flatnonzero(apart_m <= settings.next_to_m + _ROUNDING_M)]
 
 
 def _enclosed(body: Body, carrier: Carrier) -> float:

@@ -1,6 +1,7 @@
 """The scene cloud: what was seen at large, for the layout of the floor (DualMap III-A4)."""
 
-from collections.abc import Mapping
+import logging
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -14,6 +15,8 @@ from seo_slam.camera import Camera
 from seo_slam.errors import FrameError
 from seo_slam.geometry import FloatArray, inverse, require_transform, so3_log, transform_points
 from seo_slam.settings.planning import LayoutSettings
+
+_LOG = logging.getLogger(__name__)
 
 _WAY_STEP_M = 0.1
 
@@ -109,21 +112,16 @@ class SceneCloud:
         p_world = np.concatenate([transform_points(_pose(kept, poses), kept.p_camera) for kept in self._kept])
         return Voxels.of(p_world, self.settings.voxel_m, np.concatenate([kept.counts for kept in self._kept]))
 
-    @property
-    def points_world(self) -> FloatArray:
-        """(N, 3) one point for each cube of ``voxel_m`` in which something was seen."""
-        return self.voxels().p_world
-
     def way_world(self, poses: Mapping[int, FloatArray] | None = None) -> FloatArray:
         """Return (N, 3) places where the camera was, about every 0.1 m."""
         ways = [transform_points(_pose(kept, poses), np.stack(kept.way_camera)) for kept in self._kept if kept.way_camera]
         return np.concatenate([np.zeros((0, 3)), *ways])
 
-    def layout(self, poses: Mapping[int, FloatArray] | None = None) -> Layout:
-        """Return the layout of what was seen so far; see ``voxels`` for ``poses``. No rooms yet."""
+    def layout(self, poses: Mapping[int, FloatArray] | None = None, warn: Callable[[str], None] = _LOG.warning) -> Layout:
+        """Return the layout of what was seen so far; see ``voxels`` for ``poses``, ``layout_of`` for ``warn``. No rooms yet."""
         at = [(_pose(kept, poses), kept.p_camera) for kept in self._kept]
         views = [View(T[:3, 3], transform_points(T, p_camera)) for T, p_camera in at]
-        return layout_of(self.voxels(poses), self.way_world(poses), self.settings, views)
+        return layout_of(self.voxels(poses), self.way_world(poses), self.settings, views, warn)
 
     def note_way(self, T_world_camera: FloatArray) -> None:
         """Remember that the camera was there; ``add`` does so as well. Nothing is remembered before the first frame that is kept."""

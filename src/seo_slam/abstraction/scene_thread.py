@@ -65,7 +65,7 @@ class SceneCloudThread:
         self._jobs: queue.Queue[_Job] = queue.Queue(self.settings.queue)
         self._closing = threading.Event()
         self._looked_at: FloatArray | None = None
-        self._way: list[FloatArray] = []
+        self._way: dict[tuple[int, int], FloatArray] = {}  # since that look, by cell: a robot that stands still adds nothing
         self._thread: threading.Thread | None = None
         if self.settings.mode == "background":
             self._thread = threading.Thread(target=self._run, name=THREAD_NAME, daemon=True)
@@ -85,14 +85,13 @@ class SceneCloudThread:
             return False
         if self._looked_at is None or far_apart(self._looked_at, T, self.settings):
             try:
-                self._jobs.put_nowait(_Job(depth_m, camera, T, key, tuple(self._way)))
+                self._jobs.put_nowait(_Job(depth_m, camera, T, key, tuple(self._way.values())))
             except queue.Full:
                 self.passed_over += 1
             else:
-                self._looked_at, self._way = T, []
+                self._looked_at, self._way = T, {}
                 return True
-        if not self._way or way_cell(T) != way_cell(self._way[-1]):
-            self._way.append(T)
+        self._way.setdefault(way_cell(T), T)
         return False
 
     def drain(self, timeout_s: float | None = None) -> bool:
@@ -103,13 +102,13 @@ class SceneCloudThread:
     def layout(self, poses: Mapping[int, FloatArray] | None = None, timeout_s: float = 10.0) -> Layout:
         """Return the layout of all frames handed in so far; see ``SceneCloud.layout``. Also after ``close``.
 
-        Frames that still wait after ``timeout_s`` are not in it.
+        Frames that still wait after ``timeout_s`` are not in it. What is left out of it is a warning.
         """
         self.drain(timeout_s)
         with self._at_cloud:
-            for T in self._way:
+            for T in tuple(self._way.values()):
                 self._cloud.note_way(T)
-            return self._cloud.layout(poses)
+            return self._cloud.layout(poses, self._warnings.put)
 
     def take_warnings(self) -> tuple[str, ...]:
         """Return what went wrong since the last call, and forget it."""

@@ -86,10 +86,12 @@ def _scores(old: Sequence[Anchor], new: Sequence[Anchor], settings: AbstractionS
 def _shares(one: tuple[Anchor, Region], other: tuple[Anchor, Region], settings: AbstractionSettings) -> tuple[float, float]:
     """Share of the first that lies in the second, and of the second that lies in the first."""
     a, b = one[0].footprint_world, other[0].footprint_world
-    if not len(a) or not len(b) or (a.min(axis=0) > b.max(axis=0)).any() or (b.min(axis=0) > a.max(axis=0)).any():
+    if not len(a) or not len(b):
         return 0.0, 0.0
     if settings.overlap == "boxes":
-        return box_share(a, b), box_share(b, a)
+        return box_share(a, b, settings.footprint_voxel_m), box_share(b, a, settings.footprint_voxel_m)
+    if (a.min(axis=0) > b.max(axis=0)).any() or (b.min(axis=0) > a.max(axis=0)).any():
+        return 0.0, 0.0
     return one[1].share_in(other[1]), other[1].share_in(one[1])
 
 

@@ -77,10 +77,12 @@ def navigate(
     if out is not None:
         require_svg(out)
     chosen = _settings(settings or [], strategy)
-    mapped = None if make_map and not (map_path / MAP_FILE).exists() else _with_abstract(Map.load(map_path), map_path)
+    folder = map_path.parent if map_path.name == MAP_FILE and not map_path.is_dir() else map_path  # as Map.load takes it
+    is_there = map_path.is_file() or (folder / MAP_FILE).exists()
+    mapped = None if make_map and not is_there else _with_abstract(Map.load(map_path), map_path)
     home = home_named(world, level, meshes, image_size(size))
     if mapped is None:
-        mapped = _made_map(home, map_path, senses, chosen)
+        mapped = _made_map(home, folder, senses, chosen)
     else:
         require_map_of(mapped, home)
     embedder = embedder_of(mapped.embedder)

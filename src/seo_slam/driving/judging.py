@@ -7,7 +7,8 @@ from itertools import combinations
 import numpy as np
 
 from seo_slam.abstraction.abstract_map import AbstractMap
-from seo_slam.driving.trials import SUCCESS_M, Trial
+from seo_slam.driving.trials import Trial
+from seo_slam.evaluation.navigation import SUCCESS_M
 from seo_slam.geometry import FloatArray
 from seo_slam.simulation.free_space import FreeSpace
 from seo_slam.simulation.shortest import ShortestWays

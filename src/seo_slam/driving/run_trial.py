@@ -18,6 +18,7 @@ from seo_slam.evaluation.navigation import Drive
 from seo_slam.geometry import FloatArray
 from seo_slam.interfaces import Embedder
 from seo_slam.map import Map
+from seo_slam.navigation.motion import path_length_m
 from seo_slam.navigation.navigator import Navigator
 from seo_slam.navigation.outcomes import Attempt, Command, Outcome
 from seo_slam.navigation.query import candidates, parsed
@@ -39,7 +40,6 @@ class DriveOptions:
 
     Attributes:
         rate_hz: frames a second.
-        most_frames: after which the drive is over.
         drifts: the robot's odometry drifts as the level says; else its poses are given.
         size_px: width and height of the images; None: as the home's.
         planner, abstraction, layout: settings of the navigator beside those of the search: how ways are found, how what it maps becomes
@@ -47,7 +47,6 @@ class DriveOptions:
     """
 
     rate_hz: float = RATE_HZ
-    most_frames: int = 3000
     drifts: bool = False
     size_px: tuple[int, int] | None = None
     planner: PlannerSettings = field(default_factory=PlannerSettings)
@@ -110,7 +109,7 @@ def run_trial(
         trial: one of ``make_trials`` of this home.
         make_mapper: makes what maps the robot's frames.
         embedder: the one of the map.
-        settings: of the navigator; its strategy is that of Table V.
+        settings: of the navigator; its strategy is that of Table V, and a drive is over after its ``max_steps`` frames.
         options: how the robot drives.
         name: of the home, for tables; "": that of the recording.
         drive: number of the drive: key of the noise and of the navigator's draws.
@@ -149,7 +148,7 @@ def run_trial(
             scene=options.layout,
             seed=drive,
         )
-        outcome = _driven(robot, navigator, trial.query, options.most_frames, watch)
+        outcome = _driven(robot, navigator, trial.query, watch)
     facts = Drive(
         home=name or home.name,
         kind=trial.kind,
@@ -184,17 +183,16 @@ def run_trial(
     return TrialResult(trial, facts, outcome, xy_world, target_world)
 
 
-def _driven(robot: SimulatedRobot, navigator: Navigator, query: str, most_frames: int, watch: Watcher | None) -> Outcome:
-    navigator.ask(query)
-    for _ in range(most_frames):
-        if navigator.outcome is not None:
-            return navigator.outcome
+def _driven(robot: SimulatedRobot, navigator: Navigator, query: str, watch: Watcher | None) -> Outcome:
+    outcome = navigator.ask(query)
+    while outcome is None:  # the navigator gives up by itself, after ``max_steps`` frames
         frame = robot.frame()
         command = navigator.step(frame)
         if watch is not None:
             watch(robot, frame, command)
         robot.drive(command)
-    return navigator.outcome or Outcome(query, "gave_up", f"the drive was ended after {most_frames} frames", (), None, most_frames)
+        outcome = navigator.outcome
+    return outcome
 
 
 def _first_guesses(mapped: Map, abstract: AbstractMap, query: str, embedder: Embedder) -> tuple[FloatArray | None, FloatArray | None]:
@@ -226,7 +224,7 @@ def attempt_fields(attempt: Attempt) -> dict[str, Any]:
         **found,
         "found_score": score,
         "reason": attempt.reason,
-        "planned_m": round(float(np.linalg.norm(np.diff(attempt.path_world, axis=0), axis=1).sum()), 3),
+        "planned_m": round(path_length_m(attempt.path_world), 3),
     }
 
 

@@ -9,6 +9,7 @@ from typing import Any, Literal, Self, get_args
 import numpy as np
 
 from seo_slam.errors import ConfigError, DatasetError
+from seo_slam.evaluation.navigation import SUCCESS_M
 from seo_slam.geometry import FloatArray
 from seo_slam.simulation.draws import generator
 from seo_slam.simulation.free_space import ROBOT_RADIUS_M
@@ -19,9 +20,6 @@ from seo_slam.simulation.world import Thing, World
 from seo_slam.types import BoolArray
 
 TrialKind = Literal["static", "in_anchor", "cross_anchor"]
-
-SUCCESS_M = 1.0
-"""The robot must stop this near to the middle of what was asked for, in the plane."""
 
 START_CLEARANCE_M = 0.3
 START_AWAY_M = 2.0

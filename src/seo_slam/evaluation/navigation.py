@@ -38,7 +38,7 @@ class Drive:
         believed_m: from the place of the match to the thing's middle; None where there was no match.
         collisions: how often the robot touched something.
         driven_m: length of its way.
-        shortest_m: of the shortest way from the start to a place within ``SUCCESS_M`` of the thing.
+        shortest_m: of the shortest way from the start to a place within ``SUCCESS_M`` of the thing; infinity where none was found.
         mapped: whether the abstract map had the thing where it stood when the home was mapped.
         retrieved_object_m: from the thing in the concrete map that the words fit best to the thing's middle; None without such a map.
         retrieved_anchor_m: the same of the piece of furniture that scores best in the abstract map.
@@ -96,11 +96,13 @@ class Drive:
 
     @property
     def path_share(self) -> float:
-        """Its part of SPL (Anderson and others 2018): 0 where it failed, else shortest way by the way made, 1 at most."""
+        """Its part of SPL (Anderson and others 2018): 0 where it failed, else shortest way by the way made.
+
+        A way that is no longer than the shortest counts as that, also where none was found: 1.
+        """
         if not self.is_success:
             return 0.0
-        longest_m = max(self.driven_m, self.shortest_m)
-        return self.shortest_m / longest_m if longest_m > 0 else 1.0
+        return 1.0 if self.driven_m <= self.shortest_m else self.shortest_m / self.driven_m
 
     @property
     def failure(self) -> FailureClass | None:
@@ -126,7 +128,8 @@ def score_drives(drives: Iterable[Drive]) -> list[dict[str, Any]]:
     A row holds ``trials``, ``successes``, ``success_rate`` with its 95 % interval (Wilson), ``success_in_sight``: of all trials those that
     succeeded with the thing in sight, ``spl``, ``failures`` by class, ``collided``: share of trials with a collision, and
     ``retrieval_object`` and ``retrieval_anchor``: share of trials in which the place that the words fit best lies within ``SUCCESS_M`` of
-    the thing, without any driving: so "navigation" of the published baselines was scored.
+    the thing, without any driving: so "navigation" of the published baselines was scored. A trial without such a place counts as one in
+    which it does not; None where no trial has one.
     """
     rows = list(drives)
     groups = dict.fromkeys((row.kind, row.strategy) for row in rows)
@@ -194,8 +197,9 @@ def _share(flags: Sequence[bool]) -> float:
 
 
 def _within(distances_m: Sequence[float | None]) -> float | None:
-    known = [d for d in distances_m if d is not None]
-    return _share([d <= SUCCESS_M for d in known]) if known else None
+    if all(d is None for d in distances_m):
+        return None
+    return _share([d is not None and d <= SUCCESS_M for d in distances_m])
 
 
 def _rounded(value: Any) -> Any:

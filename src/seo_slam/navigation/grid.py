@@ -166,18 +166,18 @@ class NavigationGrid:
         return next((np.asarray(place) for place in places if self._passes(xy, place, self._flat_passable, 0.5)), None)
 
     def _comes_out(self, xy: FloatArray, place: FloatArray) -> bool:
-        """Whether a robot in a solid cell, or off the grid, goes straight to a place without going into anything else; never through a wall."""
-        steps = max(2, int(np.ceil(4.0 * np.linalg.norm(place - xy) / self.cell_m)))
-        points = np.linspace(xy, place, steps)
+        """Whether a robot in a solid cell, or off the grid, goes straight to a place and into nothing else; through no wall in any case."""
+        points = np.linspace(xy, place, max(2, int(np.ceil(4.0 * np.linalg.norm(place - xy) / self.cell_m))))
         cells = self.layout.cells(points)
-        known = ((cells >= 0) & (cells < self.free.shape)).all(axis=1)
-        solid, wall = np.zeros(steps, dtype=np.bool_), np.zeros(steps, dtype=np.bool_)
+        known: BoolArray = np.asarray(((cells >= 0) & (cells < self.free.shape)).all(axis=1))
+        wall, solid = np.zeros(len(points), dtype=np.bool_), np.zeros(len(points), dtype=np.bool_)
         wall[known] = self.layout.walls[tuple(cells[known].T)]
-        solid[known] = wall[known] | self.layout.obstacles[tuple(cells[known].T)]
-        stands_in = int(np.argmin(solid))  # how many of the points are in what it stands in; the place itself is free
-        own_is_odd = bool(solid[0] or not known[0])
-        near = np.linalg.norm(points[stands_in] - xy) <= self.radius_m + _ESCAPE_CELLS * self.cell_m
-        return own_is_odd and bool(near) and not solid[stands_in:].any() and not (wall.any() and not wall[0])
+        solid[known] = (self.layout.walls | self.layout.obstacles)[tuple(cells[known].T)]
+        if (known[0] and not solid[0]) or (wall.any() and not wall[0]):
+            return False
+        out = int(np.argmin(solid))  # the first point that is not in what the robot stands in; the place itself is free
+        near = float(np.linalg.norm(points[out] - xy)) <= self.radius_m + _ESCAPE_CELLS * self.cell_m
+        return near and not bool(solid[out:].any())
 
     def _passes(self, a_world: FloatArray, b_world: FloatArray, values: list[float], least: float) -> bool:
         """Whether all cells that a segment goes through have a value of at least so much (Amanatides and Woo 1987).

@@ -3,7 +3,7 @@
 import logging
 from dataclasses import replace
 
-from seo_slam.abstraction.abstract_map import AbstractMap, Anchor
+from seo_slam.abstraction.abstract_map import AbstractMap, Anchor, Volatile
 from seo_slam.errors import SeoSlamError
 from seo_slam.geometry import FloatArray
 from seo_slam.navigation.parts import Abstracting, Updating
@@ -83,10 +83,14 @@ class Memory:
         anchors = []
         for anchor in self.original.anchors:
             if anchor.id in self._missing:
-                unlike = [tuple(v for v in rows if cosine(v.feature[None], feature)[0] < required) for rows in (anchor.volatiles, anchor.hints)]
-                anchor = replace(anchor, volatiles=unlike[0], hints=unlike[1])
+                volatiles, hints = (_unlike(rows, feature, required) for rows in (anchor.volatiles, anchor.hints))
+                anchor = replace(anchor, volatiles=volatiles, hints=hints)
             anchors.append(anchor)
         return replace(self.original, anchors=tuple(anchors))
+
+
+def _unlike(rows: tuple[Volatile, ...], feature: FloatArray, required: float) -> tuple[Volatile, ...]:
+    return tuple(row for row in rows if cosine(row.feature[None], feature)[0] < required)
 
 
 def _inside(anchor: Anchor, other: Anchor) -> bool:

@@ -56,8 +56,3 @@ def without_repeats(path_world: FloatArray) -> FloatArray:
     if len(points) > 1:
         points[-1] = path_world[-1]
     return np.asarray(points)
-
-
-def length_m(path_world: FloatArray) -> float:
-    """Return the length of a way (N, 2)."""
-    return float(np.linalg.norm(np.diff(path_world, axis=0), axis=1).sum())
