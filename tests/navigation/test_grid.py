@@ -1,5 +1,7 @@
 """The planning grid: what is free, exact tests of segments, ways out."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from grid_worlds import along, distance_to_blocked_m, layout_from, layout_of_cells, random_layout
@@ -154,3 +156,24 @@ def test_a_way_in_keeps_off_what_was_seen_where_it_can():
     off_m = [np.linalg.norm(np.linspace(stands, place, 200) - corner, axis=1).min() for place in (nearest, found)]
     assert off_m[1] > max(0.2, off_m[0] + 0.02)  # cells are told apart on the safe side
     assert grid.is_free(found[None])[0]
+
+
+def test_a_robot_in_what_the_map_holds_for_solid_comes_out_of_it_but_through_no_wall():
+    """A table that was carried away since stands at the wall; on the other side of the wall there is floor as well."""
+    drawn = layout_from("\n".join(["." * 6 + "####" + "." * 10] * 9))
+    walls = np.zeros_like(drawn.floor)
+    walls[:, 6] = True
+    grid = NavigationGrid(replace(drawn, walls=walls), 0.1)
+    in_table = np.array([0.75, 0.45])
+    assert grid.nearest_free(in_table, 1.0)[0] < 0.6
+    assert grid.way_in(in_table, 1.0)[0] > 1.0
+    deep = NavigationGrid(layout_from("\n".join(["#" * 12 + "." * 8] * 9)), 0.1)
+    assert deep.way_in(np.array([0.15, 0.45]), 3.0) is None
+    assert deep.way_in(np.array([1.05, 0.45]), 3.0)[0] > 1.2
+
+
+def test_a_robot_beside_the_mapped_ground_comes_onto_it():
+    grid = NavigationGrid(layout_from("\n".join(["." * 20] * 9)), 0.1)
+    assert grid.way_in(np.array([-0.2, 0.45]), 1.0)[0] > 0.0
+    shut = NavigationGrid(layout_from("\n".join(["#" + "." * 19] * 9)), 0.1)
+    assert shut.way_in(np.array([-0.2, 0.45]), 1.0) is None

@@ -15,6 +15,7 @@ from seo_slam.navigation.judging import Judge
 from seo_slam.navigation.navigator import Navigator
 from seo_slam.navigation.outcomes import Outcome
 from seo_slam.navigation.search import NOWHERE, Search
+from seo_slam.navigation.senses import Senses
 from seo_slam.settings.navigation import NavigationSettings
 
 TABLE, COUNTER, DESK, SHELF = 1, 2, 3, 4
@@ -411,6 +412,27 @@ def test_a_hint_that_was_looked_for_in_vain_is_followed_by_as_many_places_as_wit
     assert all(v.label != "mug" for anchor in navigator.abstract_map.anchors for v in (*anchor.volatiles, *anchor.hints))
 
 
+def test_a_hint_stays_a_hint_after_a_search_that_did_not_get_there():
+    home = Home(mapped=None, now=None)
+    navigator = with_mug_as_hint(home, SHELF)
+    navigator.ask("mug")
+    home.robot.drive(navigator.step(home.robot.frame()))
+    navigator.ask("lamp")
+    shelf = next(anchor for anchor in navigator.abstract_map.anchors if anchor.id == SHELF)
+    assert ([thing.label for thing in shelf.volatiles], [hint.label for hint in shelf.hints]) == ([], ["mug"])
+    navigator.ask("mug")
+    assert "not sure of a mug" in navigator.log[0]
+
+
+def test_a_hint_that_was_found_is_trusted():
+    home = Home(mapped=None, now=SHELF, look_first=False, unknown="answer")
+    navigator = with_mug_as_hint(home, SHELF)
+    navigator.ask("mug")
+    assert drive(navigator, home.robot).found
+    shelf = next(anchor for anchor in navigator.abstract_map.anchors if anchor.id == SHELF)
+    assert "mug" in [thing.label for thing in shelf.volatiles]
+
+
 def test_where_something_trusted_is_like_it_no_hint_counts():
     home = Home(mapped=DESK, now=DESK, look_first=False)
     navigator = with_mug_as_hint(home, SHELF)
@@ -612,6 +634,86 @@ def test_a_thing_that_stood_beside_its_anchor_is_looked_for_there(relation, foun
     navigator = Navigator(replace(given, anchors=anchors), mapper, EMBEDDER, settings)
     navigator.ask("lamp")
     assert drive(navigator, robot).found == found
+
+
+def test_of_two_things_of_a_word_the_one_that_is_more_like_it_says_where_to_look():
+    """A cup that is called a mug lies on the table, and is not what is looked for: that stood beside it."""
+    beside = Thing(10, "mug", (1.5, 2.75, 0.05), (0.08, 0.08, 0.1))
+    home = Home(mapped=None, now=None, more=(beside,), attempts=1, opportunistic="never", look_first=False)
+    given = home.navigator.abstract_map
+    cup, mug = (
+        Volatile("mug", EMBEDDER.embed_text([word])[0], relation, id) for id, word, relation in ((11, "cup", "on"), (10, "mug", "next to"))
+    )
+    anchors = tuple(replace(anchor, volatiles=(cup, mug)) if anchor.id == TABLE else anchor for anchor in given.anchors)
+    navigator = Navigator(replace(given, anchors=anchors), home.mapper, EMBEDDER, home.navigator.settings)
+    navigator.ask("mug")
+    outcome = drive(navigator, home.robot)
+    assert outcome.found, outcome.reason
+    assert outcome.attempts[0].candidate.thing is mug
+
+
+@pytest.mark.parametrize("jump", [-42, 15], ids=["split", "merged"])
+def test_looks_of_this_search_are_counted_whatever_the_mapper_does_to_its_own_count(jump):
+    home = Home(start=(1.5, 2.0))
+    mapper, robot = home.mapper, home.robot
+    robot.time_s, robot.yaw_rad = 100.0, 0.5 * np.pi
+    mapper.seen[10], mapper.words[10], mapper.last_s[10] = 50, ["mug"], 1.0  # known from an earlier search
+    senses = Senses(mapper, NavigationSettings())
+    for _ in range(4):
+        before = mapper.seen[10]
+        senses.take(robot.frame())
+        assert mapper.seen[10] == before + 1
+        mapper.seen[10] += jump if before == 50 else 0
+        robot.time_s += 0.5
+    mug = next(row for row in senses.landmarks if row.label == "mug")
+    assert senses.observations(mug) == 4
+
+
+def test_a_pose_that_is_no_number_is_a_lost_one(monkeypatch):
+    home = Home()
+    step = home.mapper.step
+    nowhere = np.full((4, 4), np.nan)
+    monkeypatch.setattr(home.mapper, "step", lambda f: replace(step(f), T_world_camera=nowhere) if 3 <= f.index < 6 else step(f))
+    outcome = home.search()
+    assert outcome.found
+    assert any("odometry is lost" in line for line in home.navigator.log)
+
+
+def test_a_text_that_is_no_unicode_is_searched_for():
+    assert Home(unknown="answer").navigator.ask("m\udce9g").ending == "not_found"
+    assert Home().search("m\udce9g").ending == "not_found"
+
+
+@pytest.mark.parametrize("grow_floor", [False, True])
+def test_the_way_out_of_an_unknown_room_leads_through_no_wall(grow_floor):
+    """The robot stands in a room that the map never saw; the nearest floor is behind the wall."""
+    home = Home(start=(4.6, 2.5), door=False, grow_floor=grow_floor)
+    given = home.navigator.abstract_map
+    floor = given.layout.floor.copy()
+    floor[:, 40:] = False
+    unseen = replace(given, layout=replace(given.layout, floor=floor))
+    navigator = Navigator(unseen, home.mapper, EMBEDDER, home.navigator.settings)
+    navigator.ask("mug")
+    blind = np.zeros((240, 320), dtype=np.float32)
+    while navigator.outcome is None:
+        home.robot.drive(navigator.step(replace(home.robot.frame(), depth_m=blind)))
+        assert home.robot.xy[0] > 4.1
+    assert navigator.outcome.ending == "bad_start"
+
+
+def test_floor_that_was_seen_on_the_way_is_kept():
+    home = Home(mapped=None, now=None)
+    given = home.navigator.abstract_map
+    floor = given.layout.floor.copy()
+    floor[30:, 60:] = False
+    navigator = Navigator(replace(given, layout=replace(given.layout, floor=floor)), home.mapper, EMBEDDER, home.navigator.settings)
+    navigator.ask("mug")
+    navigator.step(home.robot.frame())
+    navigator._ways.grow(given.layout)
+    navigator.ask("lamp")
+    kept = navigator.abstract_map.layout
+    np.testing.assert_array_equal(kept.floor, given.layout.floor)
+    np.testing.assert_array_equal(kept.rooms, given.layout.rooms)
 
 
 def test_a_map_without_a_layout():
