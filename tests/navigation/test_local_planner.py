@@ -10,7 +10,7 @@ from seo_slam.errors import FrameError, NoPathError
 from seo_slam.navigation.cell_graph import CellGraph
 from seo_slam.navigation.grid import NavigationGrid
 from seo_slam.navigation.local_planner import RrtStar
-from seo_slam.navigation.path_smoothing import length_m
+from seo_slam.navigation.motion import path_length_m
 from seo_slam.navigation.search_tree import SearchTree
 from seo_slam.settings.planning import PlannerSettings
 
@@ -80,7 +80,7 @@ def test_costs_hold_whatever_is_moved(seed):
 
 
 def test_more_iterations_make_better_ways_close_to_the_best(grid):
-    best = length_m(CellGraph(grid).way(START, GOAL))
+    best = path_length_m(CellGraph(grid).way(START, GOAL))
     means = []
     for iterations in (150, 400, 1000):
         costs = []
