@@ -166,18 +166,20 @@ class NavigationGrid:
         return next((np.asarray(place) for place in places if self._passes(xy, place, self._flat_passable, 0.5)), None)
 
     def _comes_out(self, xy: FloatArray, place: FloatArray) -> bool:
-        """Whether a robot in a solid cell, or off the grid, goes straight to a place and into nothing else; through no wall in any case."""
+        """Whether a robot in a solid cell, or off the grid, goes straight to a place, into nothing else and through no other wall."""
         points = np.linspace(xy, place, max(2, int(np.ceil(4.0 * np.linalg.norm(place - xy) / self.cell_m))))
         cells = self.layout.cells(points)
         known: BoolArray = np.asarray(((cells >= 0) & (cells < self.free.shape)).all(axis=1))
-        wall, solid = np.zeros(len(points), dtype=np.bool_), np.zeros(len(points), dtype=np.bool_)
+        wall, open_ground = np.zeros(len(points), dtype=np.bool_), np.zeros(len(points), dtype=np.bool_)
         wall[known] = self.layout.walls[tuple(cells[known].T)]
-        solid[known] = (self.layout.walls | self.layout.obstacles)[tuple(cells[known].T)]
-        if (known[0] and not solid[0]) or (wall.any() and not wall[0]):
+        open_ground[known] = ~(self.layout.walls | self.layout.obstacles)[tuple(cells[known].T)]
+        out = int(np.argmax(open_ground))  # the first point past what the robot stands in; the place itself is free
+        if not known[0]:  # off the grid: onto open ground, whatever is between
+            return not known[:out].any() and self._passes(points[out], place, self._flat_passable, 0.5)
+        deep = float(np.linalg.norm(points[out] - xy)) > self.radius_m + _ESCAPE_CELLS * self.cell_m
+        if out == 0 or deep or (wall[:out].any() and not wall[0]):
             return False
-        out = int(np.argmin(solid))  # the first point that is not in what the robot stands in; the place itself is free
-        near = float(np.linalg.norm(points[out] - xy)) <= self.radius_m + _ESCAPE_CELLS * self.cell_m
-        return near and not bool(solid[out:].any())
+        return self._passes(points[out], place, self._flat_passable, 0.5)
 
     def _passes(self, a_world: FloatArray, b_world: FloatArray, values: list[float], least: float) -> bool:
         """Whether all cells that a segment goes through have a value of at least so much (Amanatides and Woo 1987).

@@ -83,8 +83,10 @@ def place_of(anchor: Anchor, candidate: Candidate) -> Place | None:
 
 def _behind(anchor: Anchor, candidate: Candidate) -> tuple[Volatile, ...]:
     """The thing that made an anchor a candidate; of what was seen on the way those of its word, any of which it may be."""
-    if candidate.thing is not None or not candidate.volatile:
-        return () if candidate.thing is None else (candidate.thing,)
+    if candidate.thing is not None:
+        return (candidate.thing,)
+    if not candidate.volatile:
+        return ()
     return tuple(volatile for volatile in anchor.volatiles if volatile.label == candidate.because)
 
 
