@@ -20,6 +20,7 @@ from seo_slam.pipeline import Pipeline
 from seo_slam.registry import create
 
 SCORES = (0.25, 0.35, 0.45)
+DUALMAP_SCORES = (0.25, 0.35)
 WANTED = {"book_geometry", "book_navy", "cup", "keyboard", "monitor"}
 LABELS = {"book", "cup", "keyboard", "tv"}
 SYNONYMS = LabelRule.synonyms([["tv", "monitor"], ["cup", "mug"]])
@@ -58,12 +59,15 @@ def recording(shared):
 
 @pytest.fixture(scope="module")
 def runs(shared, recording):
-    """(odometry, score) -> the finished run."""
+    """(odometry, or the preset that takes its poses from the recording; score) -> the finished run."""
     detector = SharedDetector(YoloxDetector(weights=shared / "models/yolox_nano/yolox_nano.onnx", score=min(SCORES)))
     embedder = create("embedder", "minilm")
     odometry = {("recorded", score): create("odometry", "recorded", trajectory=recording.trajectory) for score in SCORES}
     odometry["visual", 0.35] = VisualOdometry()
     pipelines = {key: Pipeline(detector=detector.at(key[1]), odometry=one, embedder=embedder) for key, one in odometry.items()}
+    for score in DUALMAP_SCORES:
+        given = create("odometry", "recorded", trajectory=recording.trajectory)
+        pipelines["dualmap", score] = Pipeline.from_preset("dualmap", detector=detector.at(score), odometry=given, embedder=embedder)
     for frame in recording:
         for pipeline in pipelines.values():
             pipeline.step(frame)
@@ -92,6 +96,14 @@ def test_recorded_odometry_finds_each_of_the_five_once(runs, shared, score):
     assert result.frames == len(result.trajectory) == 397
     assert result.lost_frames == 0
     assert result.map.gravity == "poses"
+
+
+@pytest.mark.parametrize("score", DUALMAP_SCORES)
+def test_the_dualmap_preset_finds_each_of_the_five_once(runs, shared, score):
+    result = runs["dualmap", score]
+    require_the_five(result.map.landmarks, shared)
+    assert result.frames == len(result.trajectory) == 397
+    assert all(len(row.cloud_world) for row in result.map.landmarks if row.state == "stable")
 
 
 def test_visual_odometry_finds_each_of_the_five_once(runs, shared, recording):
